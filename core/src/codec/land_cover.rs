@@ -1,0 +1,1 @@
+//! Land-cover tiles. See the module's tests for the exact codes.
