@@ -1,1 +1,3 @@
-//! See the crate description.
+//! Treeline's tile server: `http` asks `cache`, which asks `recipe`, which asks `source`.
+
+pub mod source;

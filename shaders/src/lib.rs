@@ -1,1 +1,3 @@
-//! See the crate description.
+//! WGSL passes, their GPU struct layouts and their CPU twins.
+
+pub mod layout;

@@ -237,7 +237,8 @@ mod tests {
         #[test]
         fn no_bytes_make_it_panic(mut bytes in proptest::collection::vec(any::<u8>(), 0..400), keep_header in any::<bool>()) {
             if keep_header && bytes.len() >= 8 {
-                bytes[..8].copy_from_slice(&[b'T', b'L', b'E', b'V', 1, 3, (-3_i8) as u8, bytes[7]]);
+                let flags = bytes[7];
+                bytes[..8].copy_from_slice(&[b'T', b'L', b'E', b'V', 1, 3, (-3_i8) as u8, flags]);
             }
             let _ = ElevationTile::decode(&bytes);
         }
