@@ -4,7 +4,7 @@
 //! Follow one tile through the modules: [`tile`] names it, [`grid`] says where its samples
 //! stand, [`geodesy`] puts them on the ellipsoid, [`layer`] says what a layer's tile looks like,
 //! [`query`] spells its URL, [`codec`] packs it, [`hash`] and [`seeds`] grow its trees,
-//! [`scene`] describes all of it to a client and [`camera`] says who looks.
+//! [`scene`] describes all of it to a client, [`camera`] says who looks and [`sun`] by which light.
 
 pub mod camera;
 pub mod codec;
@@ -15,4 +15,5 @@ pub mod layer;
 pub mod query;
 pub mod scene;
 pub mod seeds;
+pub mod sun;
 pub mod tile;
