@@ -1,1 +1,0 @@
-//! Which trees stand where.
