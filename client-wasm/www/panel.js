@@ -1,0 +1,134 @@
+// The panel, and the page that is shown where there can be no picture.
+
+const element = (id) => document.getElementById(id);
+
+const MESSAGES = {
+  "insecure": {
+    title: "This address is not secure, so the browser hides WebGPU",
+    text: "Browsers offer WebGPU only over https, or over http on localhost.",
+    mend: () => `Open the map at https://${location.host}/ if the server offers that, or put a server with a certificate (Caddy, nginx) before it. On the server's own machine http://localhost:${location.port || 80}/ works too.`,
+  },
+  "no-webgpu": {
+    title: "This browser has no WebGPU",
+    text: "The landscape is drawn with WebGPU, which this browser lacks or has switched off.",
+    mend: () => "Current Chrome and Edge have it everywhere; Safari from version 26, Firefox on Windows and macOS. On Linux, Chrome may need chrome://flags/#enable-unsafe-webgpu.",
+  },
+  "no-adapter": {
+    title: "No graphics adapter for WebGPU",
+    text: "The browser has WebGPU, but offers no graphics adapter for it.",
+    mend: () => "Hardware acceleration may be off in the browser's settings, or the graphics driver may be on its block list (chrome://gpu says so).",
+    again: true,
+  },
+  "device-lost": {
+    title: "The graphics device was lost",
+    text: "It was opened a second time and lost again.",
+    mend: () => "Another program may use up the graphics memory, or the driver may have been restarted.",
+    again: true,
+  },
+  "server-gone": {
+    title: "The server does not answer",
+    text: "The description of the landscape could not be loaded.",
+    mend: () => "It may be starting, or the connection may be down.",
+    again: true,
+  },
+  "empty-scene": {
+    title: "There is no landscape here",
+    text: "The server has no terrain to show.",
+    mend: () => "Give it a terrain model: treeline serve --dem terrain.tif, or start it without arguments for the built-in landscape.",
+    again: true,
+  },
+  "failed": { title: "Something went wrong", text: "The map could not be started.", mend: () => "", again: true },
+};
+
+/** Covers the page with what is wrong and how to mend it. */
+export function show(kind, detail = "") {
+  const { title, text, mend, again = false } = MESSAGES[kind] ?? MESSAGES.failed;
+  const message = element("message");
+  message.dataset.kind = kind;
+  message.querySelector("h2").textContent = title;
+  const [what, how] = message.querySelectorAll("p");
+  what.textContent = text;
+  how.textContent = [mend(), detail && `(${detail})`].filter(Boolean).join(" ");
+  const button = message.querySelector("button");
+  button.hidden = !again;
+  button.onclick = () => location.reload();
+  message.hidden = false;
+}
+
+/** Numbers as people read them. */
+const metres = (value) => (Math.abs(value) >= 10000 ? `${(value / 1000).toFixed(1)} km` : `${value.toFixed(0)} m`);
+const bytes = (value) => (value >= 1e6 ? `${(value / 1e6).toFixed(1)} MB` : `${(value / 1e3).toFixed(0)} kB`);
+const sum = (object = {}) => Object.values(object).reduce((total, value) => total + value, 0);
+
+function fill(list, rows) {
+  const nodes = [];
+  for (const [name, value] of rows) {
+    const term = document.createElement("dt");
+    const detail = document.createElement("dd");
+    term.textContent = name;
+    detail.textContent = value;
+    nodes.push(term, detail);
+  }
+  list.replaceChildren(...nodes);
+}
+
+export class Panel {
+  #map;
+  #timer = 0;
+
+  constructor(map, scene) {
+    this.#map = map;
+    const toggle = element("toggle");
+    const panel = element("panel");
+    toggle.addEventListener("click", () => {
+      panel.hidden = !panel.hidden;
+      toggle.setAttribute("aria-expanded", String(!panel.hidden));
+      clearInterval(this.#timer);
+      if (!panel.hidden) {
+        this.#update();
+        this.#timer = setInterval(() => this.#update(), 500);
+      }
+    });
+    panel.addEventListener("keydown", (event) => {
+      if (event.key === "Escape") {
+        toggle.click();
+        toggle.focus();
+      }
+    });
+    element("home").addEventListener("click", () => map.set_camera(scene.camera));
+    const places = scene.places ?? [];
+    element("places-box").hidden = places.length === 0;
+    for (const place of places) {
+      const button = document.createElement("button");
+      button.type = "button";
+      button.textContent = place.name;
+      button.addEventListener("click", () => map.set_camera(place.camera));
+      element("places").append(button);
+    }
+    const sun = element("sun");
+    sun.value = map.time().slice(0, 16);
+    sun.addEventListener("change", () => sun.value && map.set_time(`${sun.value}:00Z`));
+  }
+
+  #update() {
+    const camera = this.#map.camera();
+    fill(element("camera"), [
+      ["Longitude", `${camera.lon.toFixed(5)}°`],
+      ["Latitude", `${camera.lat.toFixed(5)}°`],
+      ["Height", metres(camera.height)],
+      ["Heading", `${camera.heading_deg.toFixed(0)}°`],
+      ["Pitch", `${camera.pitch_deg.toFixed(0)}°`],
+    ]);
+    const stats = this.#map.stats();
+    const rows = [
+      ["Adapter", stats.adapter || "unnamed"],
+      ["Frame", `${stats.page.frame_milliseconds.toFixed(0)} ms, ${stats.page.width} × ${stats.page.height}`],
+      ["Frames drawn", stats.page.frames_drawn],
+      ["Requests", stats.page.requests],
+      ["Loaded", bytes(sum(stats.bytes))],
+    ];
+    for (const [layer, count] of Object.entries(stats.tiles ?? {})) rows.push([`Tiles: ${layer}`, count]);
+    for (const [pass, milliseconds] of Object.entries(stats.passes ?? {})) rows.push([`Pass: ${pass}`, `${milliseconds.toFixed(1)} ms`]);
+    fill(element("stats"), rows);
+  }
+}
