@@ -13,6 +13,7 @@ pub mod grid;
 pub mod hash;
 pub mod layer;
 pub mod query;
+pub mod ray_frame;
 pub mod scene;
 pub mod seeds;
 pub mod sun;

@@ -2,6 +2,7 @@
 //! WGSL by a test. Vectors of three are padded to four, and the padding is put to use.
 
 use bytemuck::{Pod, Zeroable};
+use treeline_core::ray_frame::{Quadratic, RayFrame};
 
 /// An entry of the page table, or a reference to a leaf or slot, that stands for nothing.
 pub const EMPTY: u32 = u32::MAX;
@@ -56,8 +57,76 @@ pub struct Leaf {
     pub stand_in: u32,
     /// Length of a cell, metres: along u, along v.
     pub cell_metres: [f32; 2],
-    /// Zero.
-    pub padding: [f32; 2],
+    /// Least and greatest distance from the eye at which a ray can be in the leaf's volume, metres;
+    /// the frame means nothing outside it.
+    pub distance_range: [f32; 2],
+}
+
+/// What a leaf is beside its ray frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LeafPlace {
+    /// First cell of the leaf in its tile (u, v).
+    pub first_cell: [u32; 2],
+    /// Cells of the leaf along u and v.
+    pub cells: [u32; 2],
+    /// Fixed-point grid coordinates of the leaf's north-west corner.
+    pub grid_origin: [u32; 2],
+    /// Side of the leaf in the grid's units (a power of two).
+    pub grid_side: u32,
+    /// Layer of the tile in the elevation arrays, or [`EMPTY`].
+    pub slot: u32,
+    /// Matrix level of the tile.
+    pub level: u8,
+    /// Leaf that stands in while this one fades in, or [`EMPTY`].
+    pub stand_in: u32,
+    /// Upper bound of the heights in the leaf, metres.
+    pub maximum: f32,
+    /// 1: drawn everywhere, else the share of pixels.
+    pub fade: f32,
+    /// Length of a cell, metres: along u, along v.
+    pub cell_metres: [f32; 2],
+}
+
+impl Leaf {
+    /// The leaf as the GPU sees it: the frame's coefficients in f32, u and v at the eye split into
+    /// cell and fraction before they lose digits.
+    pub fn from_frame(frame: &RayFrame, place: &LeafPlace) -> Self {
+        let gradient = |quadratic: &Quadratic, constant: f64| {
+            let g = quadratic.gradient;
+            [g.x as f32, g.y as f32, g.z as f32, constant as f32]
+        };
+        let second = |quadratic: &Quadratic| [0, 1, 2, 3].map(|index| quadratic.second[index] as f32);
+        let (u_cell, u_fraction) = cell_and_fraction(frame.u.constant);
+        let (v_cell, v_fraction) = cell_and_fraction(frame.v.constant);
+        let cross = |quadratic: &Quadratic| [quadratic.second[4] as f32, quadratic.second[5] as f32];
+        let (u_cross, v_cross, h_cross) = (cross(&frame.u), cross(&frame.v), cross(&frame.h));
+        Self {
+            u_gradient: gradient(&frame.u, u_fraction),
+            v_gradient: gradient(&frame.v, v_fraction),
+            h_gradient: gradient(&frame.h, frame.h.constant),
+            u_second: second(&frame.u),
+            v_second: second(&frame.v),
+            h_second: second(&frame.h),
+            uv_cross: [u_cross[0], u_cross[1], v_cross[0], v_cross[1]],
+            h_cross_maximum_fade: [h_cross[0], h_cross[1], place.maximum, place.fade],
+            eye_cell: [u_cell, v_cell],
+            first_cell: place.first_cell,
+            cells: place.cells,
+            grid_origin: place.grid_origin,
+            grid_side: place.grid_side,
+            slot: place.slot,
+            level: u32::from(place.level),
+            stand_in: place.stand_in,
+            cell_metres: place.cell_metres,
+            distance_range: [frame.distance_range[0] as f32, frame.distance_range[1] as f32],
+        }
+    }
+}
+
+/// Integer cell and fraction (0…1) of a coordinate in cells.
+fn cell_and_fraction(coordinate: f64) -> (i32, f64) {
+    let cell = coordinate.floor().clamp(-2.0e9, 2.0e9);
+    (cell as i32, coordinate - cell)
 }
 
 /// What every pass knows of the frame: bind group 0, binding 0.
@@ -90,6 +159,25 @@ pub struct View {
     pub flags: u32,
     /// Counts frames, for dithering; 0 in tests.
     pub frame: u32,
+}
+
+/// What the height-field pass knows beside the view: bind group 0, binding 10.
+///
+/// Rays start on the plane `base` × forward before the eye, so that a far eye costs no digits; the one
+/// leaf's constants are those of that place. Where the eye is over a cell, the cell's patch about the eye is
+/// worked out in f64: beside a clearance of a millimetre, node heights in f32 are coarse.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Sheet {
+    /// Height of the eye above the patch, metres; slope of the patch at the eye, metres a cell along u
+    /// and v; its twist, metres a square cell.
+    pub eye_patch: [f32; 4],
+    /// Distance from the eye to the plane on which rays start, metres.
+    pub base: f32,
+    /// 1 where `eye_patch` holds.
+    pub eye_patch_known: u32,
+    /// Zero.
+    pub padding: [u32; 2],
 }
 
 /// Entry of the photo's page table: a tile that may be resident, and where its children are.

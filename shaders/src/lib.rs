@@ -1,3 +1,72 @@
 //! WGSL passes, their GPU struct layouts and their CPU twins.
+//!
+//! A pass is a list of modules, each a file of `wgsl/`, put together by [`source`]; the pass's own
+//! file comes last. Modules are constants of this crate, so that there is no import to get wrong
+//! at run time, and a test runs naga over every pass exactly as it is assembled.
 
 pub mod layout;
+pub mod twin;
+
+/// The passes, each named as its file in `wgsl/`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Pass {
+    /// Compute: the pyramid of maxima (or minima) over a tile's cells, one dispatch a level.
+    MaximumMip,
+    /// Full-screen: casts a ray a pixel through the page table.
+    Terrain,
+    /// Full-screen: casts a ray a pixel at a height field in a plane.
+    HeightField,
+}
+
+impl Pass {
+    /// All passes.
+    pub const ALL: [Self; 3] = [Self::MaximumMip, Self::Terrain, Self::HeightField];
+
+    /// The pass's modules in the order in which they are put together.
+    pub fn modules(self) -> &'static [&'static str] {
+        match self {
+            Self::MaximumMip => &[include_str!("../wgsl/maximum_mip.wgsl")],
+            Self::Terrain => &[
+                LAYOUT,
+                FRAME_BINDINGS,
+                FULL_SCREEN,
+                include_str!("../wgsl/solid.wgsl"),
+                RAY,
+                PATCH,
+                MAX_MIP,
+                PAGE_TABLE,
+                include_str!("../wgsl/terrain.wgsl"),
+            ],
+            Self::HeightField => &[
+                LAYOUT,
+                FRAME_BINDINGS,
+                FULL_SCREEN,
+                include_str!("../wgsl/sheet.wgsl"),
+                RAY,
+                PATCH,
+                MAX_MIP,
+                include_str!("../wgsl/height_field.wgsl"),
+            ],
+        }
+    }
+}
+
+/// The structs of [`layout`].
+pub const LAYOUT: &str = include_str!("../wgsl/layout.wgsl");
+/// Bind group 0.
+pub const FRAME_BINDINGS: &str = include_str!("../wgsl/frame_bindings.wgsl");
+/// The vertex stage of full-screen passes, `full_screen`.
+pub const FULL_SCREEN: &str = include_str!("../wgsl/full_screen.wgsl");
+/// View rays, and the quadratics of a leaf along a ray.
+pub const RAY: &str = include_str!("../wgsl/ray.wgsl");
+/// The exact bilinear patch.
+pub const PATCH: &str = include_str!("../wgsl/patch.wgsl");
+/// The intersector.
+pub const MAX_MIP: &str = include_str!("../wgsl/max_mip.wgsl");
+/// From grid coordinates to leaves, from leaf to leaf.
+pub const PAGE_TABLE: &str = include_str!("../wgsl/page_table.wgsl");
+
+/// The WGSL text of a pass.
+pub fn source(pass: Pass) -> String {
+    pass.modules().concat()
+}

@@ -1,0 +1,59 @@
+//! Every pass, exactly as it is assembled, through naga; and every struct of `layout` against naga's layout.
+
+use naga::{Module, TypeInner};
+use std::mem::{offset_of, size_of};
+use treeline_shaders::layout::{Leaf, Sheet, TexturePage, View};
+use treeline_shaders::{Pass, source};
+
+fn parsed(pass: Pass) -> Module {
+    let text = source(pass);
+    let module = naga::front::wgsl::parse_str(&text)
+        .unwrap_or_else(|error| panic!("{pass:?}: {}", error.emit_to_string(&text)));
+    let mut validator =
+        naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::empty());
+    if let Err(error) = validator.validate(&module) {
+        panic!("{pass:?}: {}", error.emit_to_string(&text));
+    }
+    module
+}
+
+#[test]
+fn every_pass_is_valid_within_what_every_adapter_has() {
+    for pass in Pass::ALL {
+        assert!(!parsed(pass).entry_points.is_empty(), "{pass:?} has no entry point");
+    }
+}
+
+macro_rules! layout_of {
+    ($name:ident: $($field:ident),* $(,)?) => {
+        (stringify!($name), size_of::<$name>(), vec![$((stringify!($field), offset_of!($name, $field))),*])
+    };
+}
+
+#[test]
+fn structs_are_laid_out_alike_on_both_sides() {
+    let module = parsed(Pass::HeightField);
+    let table = [
+        layout_of!(Leaf: u_gradient, v_gradient, h_gradient, u_second, v_second, h_second, uv_cross,
+            h_cross_maximum_fade, eye_cell, first_cell, cells, grid_origin, grid_side, slot, level, stand_in,
+            cell_metres, distance_range),
+        layout_of!(View: right, up, forward, sun, size, root_size, eye_grid, eye_inside, wraps, root_level,
+            shadow_steps, flags, frame),
+        layout_of!(Sheet: eye_patch, base, eye_patch_known, padding),
+        layout_of!(TexturePage: slot, children, fade, padding),
+    ];
+    for (name, size, fields) in table {
+        let (_, found) = module
+            .types
+            .iter()
+            .find(|(_, candidate)| candidate.name.as_deref() == Some(name))
+            .unwrap_or_else(|| panic!("no struct {name} in the shader"));
+        let TypeInner::Struct { members, span } = &found.inner else { panic!("{name} is no struct") };
+        assert_eq!(*span as usize, size, "size of {name}");
+        let members: Vec<_> = members
+            .iter()
+            .map(|member| (member.name.as_deref().unwrap_or_default(), member.offset as usize))
+            .collect();
+        assert_eq!(members, fields, "members of {name}");
+    }
+}
