@@ -1,0 +1,61 @@
+//! Comparing pictures: by mean error and by the share of pixels that differ, two separate limits.
+//! Adapters differ at silhouettes by up to everything, so the largest difference says nothing.
+
+use image::RgbaImage;
+
+/// How two pictures differ.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Difference {
+    /// Mean over pixels and colour channels of the absolute difference, of 255.
+    pub mean: f64,
+    /// Share of pixels of which a channel differs by more than the threshold.
+    pub share_over: f64,
+}
+
+/// Compares two pictures of one size; a pixel counts in `share_over` where a channel differs by more
+/// than `threshold` of 255.
+///
+/// # Panics
+/// Where the sizes differ.
+#[must_use]
+pub fn difference(first: &RgbaImage, second: &RgbaImage, threshold: u8) -> Difference {
+    assert_eq!(first.dimensions(), second.dimensions(), "pictures of one size");
+    let mut sum = 0_u64;
+    let mut over = 0_u64;
+    for (one, other) in first.pixels().zip(second.pixels()) {
+        let differences = [0, 1, 2].map(|channel| one[channel].abs_diff(other[channel]));
+        sum += differences.iter().map(|&difference| u64::from(difference)).sum::<u64>();
+        over += u64::from(differences.iter().any(|&difference| difference > threshold));
+    }
+    let pixels = f64::from(first.width()) * f64::from(first.height());
+    Difference { mean: sum as f64 / (3.0 * pixels), share_over: over as f64 / pixels }
+}
+
+/// Standard deviation of the brightness, of 255: near 0 for a picture that shows nothing.
+#[must_use]
+pub fn contrast(picture: &RgbaImage) -> f64 {
+    let brightness: Vec<f64> = picture
+        .pixels()
+        .map(|pixel| 0.3 * f64::from(pixel[0]) + 0.6 * f64::from(pixel[1]) + 0.1 * f64::from(pixel[2]))
+        .collect();
+    let mean = brightness.iter().sum::<f64>() / brightness.len() as f64;
+    (brightness.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / brightness.len() as f64).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use image::Rgba;
+
+    #[test]
+    fn one_pixel_of_four() {
+        let plain = RgbaImage::from_pixel(2, 2, Rgba([10, 10, 10, 255]));
+        let mut other = plain.clone();
+        other.put_pixel(1, 1, Rgba([10, 40, 10, 255]));
+        let found = difference(&plain, &other, 20);
+        assert_eq!(found, Difference { mean: 2.5, share_over: 0.25 });
+        assert_eq!(difference(&plain, &other, 30).share_over, 0.0);
+        assert_eq!(contrast(&plain), 0.0);
+        assert!(contrast(&other) > 5.0);
+    }
+}

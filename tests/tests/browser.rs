@@ -1,0 +1,176 @@
+//! The map in a real browser, over the built-in landscape.
+
+use anyhow::{Context, ensure};
+use serde_json::json;
+use std::time::Duration;
+use treeline_core::camera::GeographicCamera;
+use treeline_tests::browser::{Browser, Page, Pointer};
+use treeline_tests::picture;
+use treeline_tests::program::{self, Server};
+
+/// Size of the picture: small enough for a software adapter.
+const SIZE: (u32, u32) = (256, 192);
+/// How long a software adapter on a busy machine may take for anything.
+const PATIENCE: Duration = Duration::from_secs(90);
+
+/// The map, settled, with everything on screen but the picture hidden.
+fn open(browser: &Browser, url: &str) -> anyhow::Result<Page> {
+    let mut page = browser.open(url, SIZE.0, SIZE.1)?;
+    page.settle()?;
+    Ok(page)
+}
+
+/// Hides what lies over the picture and pauses, so that a screenshot is the picture and comes soon.
+fn only_the_picture(page: &mut Page) -> anyhow::Result<image::RgbaImage> {
+    page.evaluate(
+        "for (const id of ['bar', 'panel', 'attribution', 'notice', 'progress']) \
+         document.getElementById(id).style.visibility = 'hidden'; \
+         document.activeElement.blur(); \
+         window.treeline.pause(); window.treeline.step().then(() => true)",
+    )?;
+    page.screenshot()
+}
+
+fn same_view(one: &GeographicCamera, other: &GeographicCamera) -> bool {
+    (one.lon - other.lon).abs() < 1e-7
+        && (one.lat - other.lat).abs() < 1e-7
+        && (one.height - other.height).abs() < 0.01
+        && (one.heading_deg - other.heading_deg).abs() < 1e-3
+        && (one.pitch_deg - other.pitch_deg).abs() < 1e-3
+}
+
+#[test]
+fn browser_opens_flies_and_rests() -> anyhow::Result<()> {
+    let server = Server::start(&[])?;
+    let browser = Browser::start()?;
+    let mut page = open(&browser, &server.url("/"))?;
+
+    // Every tile is asked for by GetMap, and nothing complained.
+    let requests = page.requests()?;
+    let data: Vec<&String> =
+        requests.iter().filter(|url| url.contains("/wms") || url.contains("/tiles/")).collect();
+    ensure!(data.len() > 3, "tiles were requested: {requests:?}");
+    for url in data {
+        ensure!(url.contains("/wms?") && url.contains("REQUEST=GetMap"), "{url}");
+    }
+    ensure!(page.complaints()?.is_empty(), "{:?}", page.complaints()?);
+
+    // Nothing moves: no frame is drawn.
+    let frames = "window.treeline.stats().page.frames_drawn";
+    let before = page.evaluate(frames)?;
+    std::thread::sleep(Duration::from_millis(700));
+    ensure!(page.evaluate(frames)? == before, "frames were drawn while nothing changed");
+    ensure!(before.as_u64().is_some_and(|count| count > 0), "{before}");
+
+    // By keyboard.
+    let start = page.camera()?;
+    page.evaluate("document.getElementById('view').focus()")?;
+    page.hold_key("KeyW", "w", Duration::from_millis(400))?;
+    page.wait_for(&format!("window.treeline.camera().lat !== {}", start.lat), PATIENCE)?;
+    page.settle()?;
+    let flown = page.camera()?;
+    ensure!(!same_view(&start, &flown), "{flown:?}");
+    ensure!((flown.pitch_deg - start.pitch_deg).abs() < 1e-6, "W flies level: {flown:?}");
+
+    // By dragging the ground, and by turning.
+    page.drag(Pointer::Left, (128.0, 120.0), (140.0, 160.0))?;
+    page.wait_for(&format!("window.treeline.camera().lat !== {}", flown.lat), PATIENCE)?;
+    page.settle()?;
+    let dragged = page.camera()?;
+    ensure!(!same_view(&flown, &dragged), "{dragged:?}");
+    page.drag(Pointer::Right, (128.0, 96.0), (168.0, 96.0))?;
+    page.wait_for(&format!("window.treeline.camera().heading_deg !== {}", dragged.heading_deg), PATIENCE)?;
+    page.wheel((128.0, 120.0), -200.0)?;
+    page.settle()?;
+    ensure!((page.camera()?.heading_deg - dragged.heading_deg).abs() > 10.0, "a right drag turns");
+
+    // The address holds the view, and another tab restores it.
+    let place = page.camera()?;
+    page.wait_for("location.hash.startsWith('#camera=')", PATIENCE)?;
+    let address = page.evaluate("location.href")?;
+    let mut link = open(&browser, address.as_str().context("an address")?)?;
+    ensure!(same_view(&place, &link.camera()?), "{place:?} is not {:?}", link.camera()?);
+    for page in [&mut page, &mut link] {
+        ensure!(page.complaints()?.is_empty(), "{:?}", page.complaints()?);
+    }
+    Ok(())
+}
+
+#[test]
+fn browser_draws_what_treeline_shot_draws() -> anyhow::Result<()> {
+    let server = Server::start(&[])?;
+    let scene = ureq::get(&server.url("/scene.json")).call()?.body_mut().read_to_string()?;
+    let scene: treeline_core::scene::SceneDescription = serde_json::from_str(&scene)?;
+    let browser = Browser::start()?;
+    let mut page = open(&browser, &server.url("/"))?;
+    page.evaluate(&format!(
+        "window.treeline.setCamera({}); window.treeline.settled().then(() => true)",
+        serde_json::to_string(&scene.camera)?
+    ))?;
+    let shown = only_the_picture(&mut page)?;
+    ensure!(shown.dimensions() == SIZE, "{:?}", shown.dimensions());
+    ensure!(picture::contrast(&shown) > 10.0, "a blank picture");
+    ensure!(page.complaints()?.is_empty(), "{:?}", page.complaints()?);
+
+    let folder = tempfile::tempdir()?;
+    let camera = folder.path().join("camera.json");
+    std::fs::write(&camera, serde_json::to_string(&scene.camera)?)?;
+    let color = folder.path().join("color.png");
+    let output = std::process::Command::new(program::path("treeline-shot")?)
+        .args(["--server", &server.url("/")])
+        .args(["--adapter", "software", "--size", &format!("{}x{}", SIZE.0, SIZE.1)])
+        .arg("--camera")
+        .arg(&camera)
+        .arg("--color")
+        .arg(&color)
+        .output()?;
+    ensure!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let shot = image::open(&color)?.to_rgba8();
+    let difference = picture::difference(&shown, &shot, 24);
+    ensure!(difference.mean < 3.0, "mean {difference:?}");
+    ensure!(difference.share_over < 0.03, "pixels {difference:?}");
+    Ok(())
+}
+
+#[test]
+fn browser_api_pauses_steps_and_sizes() -> anyhow::Result<()> {
+    let server = Server::start(&[])?;
+    let browser = Browser::start()?;
+    let mut page = open(&browser, &server.url("/"))?;
+    page.evaluate("window.treeline.setSize(128, 96)")?;
+    page.settle()?;
+    let size = page.evaluate("[window.treeline.stats().page.width, window.treeline.stats().page.height]")?;
+    ensure!(size == json!([128, 96]), "{size}");
+    let frames = "window.treeline.stats().page.frames_drawn";
+    page.evaluate("window.treeline.pause()")?;
+    let paused = page.evaluate(frames)?.as_u64().context("a count")?;
+    page.evaluate("window.treeline.setCamera({...window.treeline.camera(), heading_deg: 77})")?;
+    std::thread::sleep(Duration::from_millis(300));
+    ensure!(page.evaluate(frames)? == json!(paused), "a paused page draws nothing");
+    page.evaluate("window.treeline.step().then(() => true)")?;
+    ensure!(page.evaluate(frames)? == json!(paused + 1), "a step is one frame");
+    page.evaluate("window.treeline.resume()")?;
+    page.settle()?;
+    ensure!((page.camera()?.heading_deg - 77.0).abs() < 1e-9);
+    // A camera that cannot be is refused with a line that names the field.
+    let refused = page
+        .evaluate("try { window.treeline.setCamera({...window.treeline.camera(), lat: 91}); '' } catch (error) { error.message }")?;
+    ensure!(refused.as_str().is_some_and(|text| text.contains("lat")), "{refused}");
+    // Under the ground is lifted above it.
+    page.evaluate("window.treeline.setCamera({...window.treeline.camera(), height: -4000})")?;
+    page.settle()?;
+    ensure!(page.camera()?.height > -4000.0, "{:?}", page.camera()?);
+    ensure!(page.complaints()?.is_empty(), "{:?}", page.complaints()?);
+    Ok(())
+}
+
+#[test]
+fn browser_without_webgpu_is_told_so() -> anyhow::Result<()> {
+    let server = Server::start(&[])?;
+    let browser = Browser::start_without_webgpu()?;
+    let mut page = browser.open(&server.url("/"), SIZE.0, SIZE.1)?;
+    page.wait_for("document.getElementById('message').hidden === false", PATIENCE)?;
+    let kind = page.evaluate("document.getElementById('message').dataset.kind")?;
+    ensure!(kind == "no-webgpu" || kind == "no-adapter", "{kind}");
+    Ok(())
+}
