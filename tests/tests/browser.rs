@@ -164,13 +164,29 @@ fn browser_api_pauses_steps_and_sizes() -> anyhow::Result<()> {
     Ok(())
 }
 
-#[test]
-fn browser_without_webgpu_is_told_so() -> anyhow::Result<()> {
-    let server = Server::start(&[])?;
-    let browser = Browser::start_without_webgpu()?;
-    let mut page = browser.open(&server.url("/"), SIZE.0, SIZE.1)?;
+/// Which of its messages the page shows.
+fn message(page: &mut Page) -> anyhow::Result<serde_json::Value> {
     page.wait_for("document.getElementById('message').hidden === false", PATIENCE)?;
-    let kind = page.evaluate("document.getElementById('message').dataset.kind")?;
-    ensure!(kind == "no-webgpu" || kind == "no-adapter", "{kind}");
+    page.evaluate("document.getElementById('message').dataset.kind")
+}
+
+#[test]
+fn browser_that_lacks_something_is_told_what() -> anyhow::Result<()> {
+    let server = Server::start(&[])?;
+    let browser = Browser::start_without_adapter()?;
+    let mut page = browser.open(&server.url("/"), SIZE.0, SIZE.1)?;
+    ensure!(message(&mut page)? == "no-adapter");
+    // As in a browser that never heard of WebGPU.
+    let forget = "delete Navigator.prototype.gpu";
+    let mut page = browser.open_after(forget, &server.url("/"), SIZE.0, SIZE.1)?;
+    ensure!(message(&mut page)? == "no-webgpu");
+    drop((page, browser));
+    // The same server by a name that makes no secure context: WebGPU seems missing there, but is not.
+    let browser = Browser::start()?;
+    let (_, port) = server.address().rsplit_once(':').context("a port")?;
+    let mut page = browser.open(&format!("http://treeline.test:{port}/"), SIZE.0, SIZE.1)?;
+    ensure!(message(&mut page)? == "insecure");
+    let text = page.evaluate("document.getElementById('message').innerText")?;
+    ensure!(text.as_str().is_some_and(|text| text.contains("https://treeline.test")), "{text}");
     Ok(())
 }

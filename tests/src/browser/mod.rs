@@ -16,7 +16,7 @@ use tempfile::TempDir;
 
 /// What makes Chromium draw WebGPU on the processor. All of the last five are needed: without the
 /// ones for Vulkan and ANGLE the adapter opens and the first frame destroys the device.
-const FLAGS: [&str; 16] = [
+const FLAGS: [&str; 17] = [
     "--headless",
     "--no-sandbox",
     "--disable-quic",
@@ -28,6 +28,8 @@ const FLAGS: [&str; 16] = [
     "--disable-renderer-backgrounding",
     "--disable-background-timer-throttling",
     "--hide-scrollbars",
+    // A name that is this machine, yet no secure context.
+    "--host-resolver-rules=MAP treeline.test 127.0.0.1",
     "--remote-debugging-port=0",
     "--enable-unsafe-webgpu",
     "--enable-features=Vulkan",
@@ -35,9 +37,6 @@ const FLAGS: [&str; 16] = [
     "--use-angle=swiftshader",
     "--use-webgpu-adapter=swiftshader",
 ];
-
-/// Flags for a browser without WebGPU.
-const WITHOUT_WEBGPU: [&str; 1] = ["--disable-features=WebGPU,WebGPUService"];
 
 /// One at a time: two software adapters on few cores would only wait for each other.
 static ONE: Mutex<()> = Mutex::new(());
@@ -57,11 +56,10 @@ impl Browser {
         Self::start_with(&FLAGS)
     }
 
-    /// Starts one that has no WebGPU.
-    pub fn start_without_webgpu() -> anyhow::Result<Self> {
-        let mut flags: Vec<&str> =
-            FLAGS.iter().copied().filter(|flag| !flag.contains("webgpu") && !flag.contains("Vulkan")).collect();
-        flags.extend(WITHOUT_WEBGPU);
+    /// Starts one that has WebGPU, but no graphics adapter for it.
+    pub fn start_without_adapter() -> anyhow::Result<Self> {
+        let flags: Vec<&str> =
+            FLAGS.into_iter().filter(|flag| !flag.contains("webgpu") && !flag.contains("Vulkan")).collect();
         Self::start_with(&flags)
     }
 
@@ -100,7 +98,12 @@ impl Browser {
 
     /// Opens an address in a new tab with a picture of so many CSS pixels.
     pub fn open(&self, url: &str, width: u32, height: u32) -> anyhow::Result<Page> {
-        Page::open(Connection::to(&self.endpoint)?, url, width, height)
+        self.open_after("", url, width, height)
+    }
+
+    /// The same, with a script that runs before any of the page's own.
+    pub fn open_after(&self, script: &str, url: &str, width: u32, height: u32) -> anyhow::Result<Page> {
+        Page::open(Connection::to(&self.endpoint)?, script, url, width, height)
     }
 }
 

@@ -26,6 +26,7 @@ pub struct Page {
 impl Page {
     pub(super) fn open(
         mut connection: Connection,
+        script: &str,
         url: &str,
         width: u32,
         height: u32,
@@ -38,6 +39,7 @@ impl Page {
             "Emulation.setDeviceMetricsOverride",
             json!({ "width": width, "height": height, "deviceScaleFactor": 1, "mobile": false }),
         )?;
+        connection.send("Page.addScriptToEvaluateOnNewDocument", json!({ "source": script }))?;
         connection.send("Page.navigate", json!({ "url": url }))?;
         Ok(Self { connection, complaints: Vec::new(), requests: Vec::new() })
     }
