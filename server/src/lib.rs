@@ -1,3 +1,16 @@
 //! Treeline's tile server: `http` asks `cache`, which asks `recipe`, which asks `source`.
 
+pub mod cache;
+pub mod cli;
+pub mod config;
+pub mod default_camera;
+pub mod digest;
+pub mod limits;
+pub mod metrics;
+pub mod revision;
+pub mod scene;
+pub mod scene_file;
 pub mod source;
+pub mod state;
+pub mod toml_file;
+pub mod user_error;

@@ -1,0 +1,74 @@
+//! What happens round every request: bounds first, then counting.
+
+use crate::http::answer::refusal;
+use crate::state::AppState;
+use axum::body::HttpBody as _;
+use axum::extract::{Request, State};
+use axum::http::{HeaderMap, StatusCode, Version, header};
+use axum::middleware::Next;
+use axum::response::Response;
+use std::any::Any;
+
+/// Refuses URLs and crowds beyond the limits, ends requests that take too long, and counts.
+pub async fn bounds(State(app): State<AppState>, request: Request, next: Next) -> Response {
+    let under_way = app.metrics.begin();
+    let path = request.uri().path();
+    // Those who watch the server must hear from it when it is busiest.
+    let watches = matches!(path, "/healthz" | "/readyz" | "/metrics");
+    let length = request.uri().path_and_query().map_or(0, |text| text.as_str().len());
+    let response = if length > app.limits.maximum_url_bytes {
+        refusal(
+            StatusCode::URI_TOO_LONG,
+            format!("the URL has {length} bytes; at most {} are read", app.limits.maximum_url_bytes),
+        )
+    } else if !watches && app.metrics.under_way() > app.limits.maximum_requests as u64 {
+        refusal(
+            StatusCode::SERVICE_UNAVAILABLE,
+            "the server is busy: too many requests at once; ask again in a second",
+        )
+    } else {
+        tokio::time::timeout(app.limits.request_timeout(), next.run(request)).await.unwrap_or_else(|_| {
+            refusal(
+                StatusCode::SERVICE_UNAVAILABLE,
+                format!("no answer within {} seconds; ask again later", app.limits.request_timeout_seconds),
+            )
+        })
+    };
+    app.metrics.response(response.status().as_u16(), response.body().size_hint().exact().unwrap_or(0));
+    drop(under_way);
+    response
+}
+
+/// A panic in a handler: 500 with one line; the message goes to the log.
+pub fn on_panic(panic: Box<dyn Any + Send + 'static>) -> Response {
+    let message = panic
+        .downcast_ref::<String>()
+        .map(String::as_str)
+        .or_else(|| panic.downcast_ref::<&str>().copied())
+        .unwrap_or("no message");
+    tracing::error!("a request's handler panicked: {message}");
+    refusal(
+        StatusCode::INTERNAL_SERVER_ERROR,
+        "the server made a mistake on this request; its log has the details",
+    )
+}
+
+/// Whether compression pays: our own formats, heights and text; pictures are compressed already.
+pub fn is_compressible(_: StatusCode, _: Version, headers: &HeaderMap, _: &axum::http::Extensions) -> bool {
+    let Some(kind) = headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok()) else {
+        return false;
+    };
+    let small = headers
+        .get(header::CONTENT_LENGTH)
+        .and_then(|value| value.to_str().ok()?.parse::<u64>().ok())
+        .is_some_and(|length| length < 256);
+    let kinds = [
+        "application/vnd.treeline.",
+        "application/bil",
+        "image/x-bil",
+        "application/json",
+        "text/",
+        "application/vnd.ogc.",
+    ];
+    !small && kinds.iter().any(|prefix| kind.starts_with(prefix))
+}

@@ -1,0 +1,67 @@
+//! HTTP: routes, and what stands round them.
+
+mod answer;
+mod base_url;
+mod description;
+mod layers;
+mod make;
+mod middleware;
+mod operations;
+mod order;
+mod page;
+mod query;
+mod serve;
+mod tiles;
+mod wms;
+
+pub use description::describe;
+pub use layers::{extent, has_layer, layer_names, layers, maximum_level, minimum_level};
+pub use make::make;
+pub use order::{Order, geographic_grid};
+pub use serve::serve;
+pub use tiles::OWN_MATRIX_SET;
+
+use crate::state::AppState;
+use axum::Router;
+use axum::http::{HeaderName, StatusCode, Uri};
+use axum::response::Response;
+use axum::routing::get;
+use tower_http::catch_panic::CatchPanicLayer;
+use tower_http::compression::CompressionLayer;
+use tower_http::cors::{Any, CorsLayer};
+
+/// The application as a function from request to answer: tests and tools call it in process.
+pub fn router(state: AppState) -> Router {
+    // Any origin may read everything; nothing here depends on the origin, so nothing varies with it.
+    let cors = CorsLayer::new()
+        .allow_origin(Any)
+        .allow_methods(Any)
+        .allow_headers(Any)
+        .expose_headers(Any)
+        .vary(Vec::<HeaderName>::new());
+    Router::new()
+        .route("/", get(page::page))
+        .route("/wms", get(wms::wms))
+        .route("/tiles/{layer}/{set}/{level}/{row}/{column}", get(tiles::tile))
+        .route("/scene.json", get(description::scene_json))
+        .route("/healthz", get(operations::healthz))
+        .route("/readyz", get(operations::readyz))
+        .route("/metrics", get(operations::metrics))
+        .fallback(get(page::page).fallback(wrong_method))
+        .method_not_allowed_fallback(wrong_method)
+        .layer(CatchPanicLayer::custom(middleware::on_panic))
+        .layer(axum::middleware::from_fn_with_state(state.clone(), middleware::bounds))
+        .layer(CompressionLayer::new().compress_when(middleware::is_compressible))
+        .layer(cors)
+        .with_state(state)
+}
+
+async fn wrong_method(method: axum::http::Method, uri: Uri) -> Response {
+    let line =
+        format!("{method} is not understood at {}; everything here is read with GET or HEAD", uri.path());
+    let mut response = answer::refusal(StatusCode::METHOD_NOT_ALLOWED, line);
+    response
+        .headers_mut()
+        .insert(axum::http::header::ALLOW, axum::http::HeaderValue::from_static("GET, HEAD, OPTIONS"));
+    response
+}

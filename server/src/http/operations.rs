@@ -1,0 +1,54 @@
+//! `/healthz`, `/readyz` and `/metrics`: for those who run the server.
+
+use crate::http::answer::refusal;
+use crate::metrics::Gauge;
+use crate::state::AppState;
+use axum::extract::State;
+use axum::http::{StatusCode, header};
+use axum::response::{IntoResponse, Response};
+
+/// Alive: the process answers.
+pub async fn healthz() -> Response {
+    ([(header::CACHE_CONTROL, "no-store")], "ok\n").into_response()
+}
+
+/// Ready: requests are welcome. 503 while the server drains before it stops.
+pub async fn readyz(State(app): State<AppState>) -> Response {
+    if app.is_ready() {
+        healthz().await
+    } else {
+        refusal(StatusCode::SERVICE_UNAVAILABLE, "stopping: the server finishes what it has begun")
+    }
+}
+
+/// Counters as Prometheus text.
+pub async fn metrics(State(app): State<AppState>) -> Response {
+    let workers = app.cache.workers();
+    let gauges = [
+        Gauge {
+            name: "treeline_cache_bytes",
+            help: "Bytes of tiles held in memory.",
+            value: app.cache.memory_bytes(),
+        },
+        Gauge {
+            name: "treeline_cache_tiles",
+            help: "Tiles held in memory.",
+            value: app.cache.memory_tiles(),
+        },
+        Gauge {
+            name: "treeline_worker_jobs",
+            help: "Jobs that run or wait for a worker.",
+            value: workers.jobs() as u64,
+        },
+        Gauge {
+            name: "treeline_worker_threads",
+            help: "Threads that make tiles.",
+            value: workers.threads() as u64,
+        },
+    ];
+    let headers = [
+        (header::CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8"),
+        (header::CACHE_CONTROL, "no-store"),
+    ];
+    (headers, app.metrics.text(&gauges)).into_response()
+}

@@ -1,0 +1,100 @@
+//! The parameters of a request, as WMS reads them: names in any case, each once.
+
+use percent_encoding::percent_decode_str;
+
+/// Parameters by upper-case name.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Parameters(Vec<(String, String)>);
+
+impl Parameters {
+    /// Parses a query string. A parameter given twice with different values is an error: which one
+    /// is meant cannot be known.
+    pub fn parse(query: &str) -> Result<Self, String> {
+        let mut found: Vec<(String, String)> = Vec::new();
+        for pair in query.split(['&']).filter(|pair| !pair.is_empty()) {
+            let (name, value) = pair.split_once('=').unwrap_or((pair, ""));
+            let name = decode(name)?.to_uppercase();
+            let value = decode(value)?;
+            match found.iter().find(|(known, _)| *known == name) {
+                Some((_, first)) if *first != value => {
+                    return Err(format!(
+                        "{name} is given twice, as \"{first}\" and as \"{value}\"; give it once"
+                    ));
+                }
+                Some(_) => {}
+                None => found.push((name, value)),
+            }
+        }
+        Ok(Self(found))
+    }
+
+    /// A parameter's value; an empty one counts as absent.
+    pub fn get(&self, name: &str) -> Option<&str> {
+        self.0
+            .iter()
+            .find(|(known, _)| known == name)
+            .map(|(_, value)| value.as_str())
+            .filter(|value| !value.is_empty())
+    }
+
+    /// Whether the parameter is there, even if empty.
+    pub fn has(&self, name: &str) -> bool {
+        self.0.iter().any(|(known, _)| known == name)
+    }
+
+    /// The value of a parameter that must be there.
+    pub fn require(&self, name: &str, example: &str) -> Result<&str, String> {
+        self.get(name).ok_or_else(|| format!("{name} is missing; add for example {name}={example}"))
+    }
+}
+
+/// Undoes percent encoding; a plus sign stays one, as in `1e+05` and `image/svg+xml`.
+fn decode(text: &str) -> Result<String, String> {
+    percent_decode_str(text)
+        .decode_utf8()
+        .map(|text| text.into_owned())
+        .map_err(|_| format!("\"{text}\" is no UTF-8 once its percent signs are undone; encode it as UTF-8"))
+}
+
+/// A finite number.
+pub fn number(name: &str, text: &str) -> Result<f64, String> {
+    // A client that encodes spaces as plus signs may also have trimmed nothing.
+    let value = text.trim().parse::<f64>().ok().filter(|value| value.is_finite());
+    value
+        .map(|value| value + 0.0)
+        .ok_or_else(|| format!("{name}: \"{text}\" is no finite number; write for example -12.5"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_in_any_case_values_as_they_are() {
+        let parameters = Parameters::parse("Service=WMS&bbox=1%2C2&STYLES=&flag&x=1e+05&&x=1e+05").unwrap();
+        assert_eq!(parameters.get("SERVICE"), Some("WMS"));
+        assert_eq!(parameters.get("BBOX"), Some("1,2"));
+        assert_eq!(parameters.get("X"), Some("1e+05"));
+        assert_eq!(parameters.get("STYLES"), None);
+        assert!(parameters.has("STYLES") && parameters.has("FLAG") && !parameters.has("Y"));
+        assert_eq!(
+            parameters.require("CRS", "CRS:84").unwrap_err(),
+            "CRS is missing; add for example CRS=CRS:84"
+        );
+    }
+
+    #[test]
+    fn twice_is_an_error_and_so_is_broken_utf_8() {
+        assert!(Parameters::parse("a=1&A=2").unwrap_err().starts_with("A is given twice"));
+        assert!(Parameters::parse("a=%ff").unwrap_err().contains("UTF-8"));
+    }
+
+    #[test]
+    fn only_finite_numbers() {
+        assert_eq!(number("N", " -1.5e2 "), Ok(-150.0));
+        assert!(number("N", "-0").unwrap().is_sign_positive());
+        for wrong in ["nan", "inf", "-infinity", "", "1,2", "0x10", "1e999"] {
+            assert!(number("N", wrong).is_err(), "{wrong}");
+        }
+    }
+}

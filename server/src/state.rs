@@ -1,0 +1,72 @@
+//! What every request needs, built once.
+
+use crate::cache::{DiskCache, TileCache, Workers};
+use crate::config::{Config, public_url};
+use crate::limits::Limits;
+use crate::metrics::Metrics;
+use crate::scene::Scene;
+use crate::user_error::UserError;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+
+/// The application's parts.
+pub struct App {
+    /// What is shown.
+    pub scene: Arc<Scene>,
+    /// Made tiles.
+    pub cache: Arc<TileCache>,
+    /// Counters.
+    pub metrics: Arc<Metrics>,
+    /// Bounds.
+    pub limits: Limits,
+    /// How links start, without a slash at the end; `None`: as the request's headers say.
+    pub public_url: Option<String>,
+    /// Set when the server begins to stop: not ready any more, while it drains.
+    pub stopping: AtomicBool,
+}
+
+/// Shared by all handlers.
+pub type AppState = Arc<App>;
+
+impl App {
+    /// Builds the parts. Errors name the key of `treeline.toml` or the flag that does not work out.
+    pub fn new(scene: Arc<Scene>, config: &Config) -> Result<AppState, UserError> {
+        config.check().map_err(UserError::new)?;
+        let metrics = Arc::new(Metrics::default());
+        let workers = Workers::new(config.threads(), config.limits.maximum_queue).map_err(|error| {
+            UserError::new(format!(
+                "worker_threads: the system gives no {} threads ({error})",
+                config.threads()
+            ))
+        })?;
+        let disk = match &config.cache {
+            None => None,
+            Some(folder) => Some(Arc::new(DiskCache::open(folder, &scene.revision).map_err(|error| {
+                UserError::new(format!(
+                    "--cache {}: cannot be written to ({error}); name a folder that this user may write",
+                    folder.display()
+                ))
+            })?)),
+        };
+        let cache =
+            Arc::new(TileCache::new(config.memory_cache_mib << 20, disk, Arc::new(workers), metrics.clone()));
+        let public_url = config
+            .public_url
+            .as_deref()
+            .map(|url| public_url(url).map_err(|error| UserError::new(format!("--public-url {error}"))))
+            .transpose()?;
+        Ok(Arc::new(Self {
+            scene,
+            cache,
+            metrics,
+            limits: config.limits,
+            public_url,
+            stopping: AtomicBool::new(false),
+        }))
+    }
+
+    /// Whether the server wants requests.
+    pub fn is_ready(&self) -> bool {
+        !self.stopping.load(Relaxed)
+    }
+}
