@@ -3,6 +3,15 @@
 //! A recipe asks a field for values at the places of a [`SampleGrid`]; rasters in files and the
 //! built-in procedural landscape answer alike.
 
+pub mod crs;
+pub mod procedural;
+pub mod geotiff;
+pub mod placement;
+pub mod projector;
+pub mod raster_height;
+pub mod summary;
+pub mod window;
+
 use treeline_core::grid::LatticeWindow;
 use treeline_core::layer::SurfaceType;
 use treeline_core::tile::GeographicBox;

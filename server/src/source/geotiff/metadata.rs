@@ -1,0 +1,66 @@
+//! What GDAL writes beside the samples: nodata, scale and offset.
+
+use super::bytes::FileBytes;
+use super::directory::{Directory, tag};
+
+/// Nodata as the file declares it. GDAL writes text; some writers end it with spaces or zeros.
+pub fn nodata(bytes: &FileBytes, directory: &Directory) -> Option<f64> {
+    parse_number(&directory.text(bytes, tag::GDAL_NODATA)?)
+}
+
+/// A number as GDAL spells it, `nan`, `inf` and `-1.#IND` included.
+pub fn parse_number(text: &str) -> Option<f64> {
+    let text = text.trim_matches(|character: char| character.is_whitespace() || character == '\0');
+    if text.contains("#IND") || text.contains("#QNAN") {
+        return Some(f64::NAN);
+    }
+    text.parse().ok()
+}
+
+/// Scale and offset of a band (counted from 0): value = stored · scale + offset.
+pub fn scale_and_offset(bytes: &FileBytes, directory: &Directory, band: u16) -> (f64, f64) {
+    let xml = directory.text(bytes, tag::GDAL_METADATA).unwrap_or_default();
+    let item =
+        |role: &str| item(&xml, role, band).and_then(|text| parse_number(&text)).filter(|v| v.is_finite());
+    let scale = item("scale").filter(|&scale| scale != 0.0).unwrap_or(1.0);
+    (scale, item("offset").unwrap_or(0.0))
+}
+
+/// Text of `<Item … sample="band" role="role">text</Item>`, whatever the order of the attributes.
+fn item(xml: &str, role: &str, band: u16) -> Option<String> {
+    xml.split("<Item").skip(1).find_map(|item| {
+        let (attributes, rest) = item.split_once('>')?;
+        let value = |name: &str| {
+            let start = attributes.find(&format!("{name}=\""))? + name.len() + 2;
+            attributes[start..].split('"').next()
+        };
+        let same_band = value("sample").map_or(band == 0, |sample| sample.parse() == Ok(band));
+        (same_band && value("role") == Some(role))
+            .then(|| rest.split('<').next().unwrap_or_default().to_owned())
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_as_they_occur() {
+        assert_eq!(parse_number("-9999 \0"), Some(-9999.0));
+        assert_eq!(parse_number("3.4028235e+38"), Some(3.402_823_5e38));
+        assert!(parse_number("nan").unwrap().is_nan());
+        assert!(parse_number("-1.#IND").unwrap().is_nan());
+        assert_eq!(parse_number("-1.7976931348623157e+308"), Some(f64::MIN));
+        assert_eq!(parse_number("none"), None);
+    }
+
+    #[test]
+    fn items_by_band_and_role() {
+        let xml = r#"<GDALMetadata><Item name="OFFSET" sample="0" role="offset">-5</Item>
+            <Item name="SCALE" role="scale" sample="0">0.1</Item><Item name="SCALE" sample="1" role="scale">2</Item></GDALMetadata>"#;
+        assert_eq!(item(xml, "scale", 0).unwrap(), "0.1");
+        assert_eq!(item(xml, "scale", 1).unwrap(), "2");
+        assert_eq!(item(xml, "offset", 0).unwrap(), "-5");
+        assert_eq!(item(xml, "offset", 1), None);
+    }
+}
