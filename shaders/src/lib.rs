@@ -5,6 +5,7 @@
 //! at run time, and a test runs naga over every pass exactly as it is assembled.
 
 pub mod layout;
+pub mod lighting;
 pub mod twin;
 
 /// The passes, each named as its file in `wgsl/`.
@@ -16,11 +17,13 @@ pub enum Pass {
     Terrain,
     /// Full-screen: casts a ray a pixel at a height field in a plane.
     HeightField,
+    /// Full-screen: light, shadow, sky and haze, from what [`Pass::Terrain`] wrote ([`lighting`]).
+    Shade,
 }
 
 impl Pass {
     /// All passes.
-    pub const ALL: [Self; 3] = [Self::MaximumMip, Self::Terrain, Self::HeightField];
+    pub const ALL: [Self; 4] = [Self::MaximumMip, Self::Terrain, Self::HeightField, Self::Shade];
 
     /// The pass's modules in the order in which they are put together.
     pub fn modules(self) -> &'static [&'static str] {
@@ -47,6 +50,17 @@ impl Pass {
                 MAX_MIP,
                 include_str!("../wgsl/height_field.wgsl"),
             ],
+            Self::Shade => &[
+                LAYOUT,
+                FRAME_BINDINGS,
+                FULL_SCREEN,
+                SKY,
+                PHOTO,
+                SHADOW,
+                include_str!("../wgsl/material.wgsl"),
+                include_str!("../wgsl/lighting.wgsl"),
+                include_str!("../wgsl/shade.wgsl"),
+            ],
         }
     }
 }
@@ -65,6 +79,12 @@ pub const PATCH: &str = include_str!("../wgsl/patch.wgsl");
 pub const MAX_MIP: &str = include_str!("../wgsl/max_mip.wgsl");
 /// From grid coordinates to leaves, from leaf to leaf.
 pub const PAGE_TABLE: &str = include_str!("../wgsl/page_table.wgsl");
+/// The atmosphere.
+pub const SKY: &str = include_str!("../wgsl/sky.wgsl");
+/// The photo through its page table.
+pub const PHOTO: &str = include_str!("../wgsl/photo.wgsl");
+/// What the ground keeps of the light from the ground; needs [`PHOTO`] for the root grid.
+pub const SHADOW: &str = include_str!("../wgsl/shadow.wgsl");
 
 /// The WGSL text of a pass.
 pub fn source(pass: Pass) -> String {

@@ -105,7 +105,7 @@ fn shaded_ground(direction: vec3<f32>, distance: f32, hit: vec4<u32>, dither: f3
     let offset = clamp(cell - vec2<f32>(leaves[index].first_cell), vec2<f32>(0.0), vec2<f32>(leaves[index].cells)) * units_per_cell;
     let place = moved(MapPlace(leaves[index].grid_origin, vec2<f32>(0.0)), offset);
     let height = height_at(cell, slot, true);
-    let ground = Ground(place, index, height, units_per_cell / cell_metres, 1.0 / cells_per_footprint);
+    let ground = Ground(place, index, height, units_per_cell / cell_metres, 1.0 / cells_per_footprint, 0.5 * (abs(slope.x) + abs(slope.y)));
 
     let cover = cover_at(cell, slot);
     let facing = max(dot(normal, -direction), 0.05);

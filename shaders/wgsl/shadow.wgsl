@@ -68,6 +68,9 @@ fn ground_leaf_at(place: vec2<u32>) -> GroundLeaf {
         return no_ground(place);
     }
     var leaf = ground_leaf(entry & ~LEAF_BIT);
+    if leaf.slot == EMPTY {
+        return no_ground(place);
+    }
     // In the walk's own turn of longitude.
     leaf.origin.x += place.x - unit.x;
     return leaf;
@@ -123,6 +126,8 @@ struct Ground {
     units_per_metre: vec2<f32>,
     // Length of a cell over the pixel's width there: above 1 cells show, and heights are taken between nodes.
     cell_over_footprint: f32,
+    // How far the nearest node's height may be from the surface's, metres.
+    node_error: f32,
 }
 
 // Share of the sun's disc that a point sees, `sun` being east, south and up there. The k-th step is
@@ -160,14 +165,19 @@ fn sun_visibility(ground: Ground, sun: vec3<f32>, dither: f32) -> f32 {
         if ray > leaf.maximum + edge {
             continue;
         }
-        let height = height_at(cell_in(leaf, place), leaf.slot, ground.cell_over_footprint > 1.5 && step < 8u);
+        let smooth_between = ground.cell_over_footprint > 1.5 && step < 8u;
+        let height = height_at(cell_in(leaf, place), leaf.slot, smooth_between);
         if height <= VOID_HEIGHT {
             continue;
         }
-        // A long stride that meets something has met it by chance: only what several strides meet is solid.
+        // No ground shades itself by being a node's width out of place.
+        let above = height - ray - select(ground.node_error, 0.0, smooth_between);
+        // A long stride that meets a tree has met it by chance, and counts the less the longer it is; what
+        // stands as far above the ray as the stride is long is solid.
+        let chance = 1.0 / (1.0 + max(stride - 6.0, 0.0) / 45.0);
         let far = at / reach;
-        let weight = (1.0 - far * far * far) / (1.0 + max(stride - 6.0, 0.0) / 45.0);
-        light *= 1.0 - weight * smoothstep(-0.25 * edge, 0.75 * edge, height - ray);
+        let weight = (1.0 - far * far * far) * max(chance, smoothstep(0.3, 1.0, above / stride));
+        light *= 1.0 - weight * smoothstep(0.0, edge, above);
         if light < 0.02 {
             return 0.0;
         }

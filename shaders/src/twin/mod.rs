@@ -9,7 +9,10 @@ pub mod max_mip;
 pub mod maximum_mip;
 pub mod page_table;
 pub mod patch;
+pub mod photo;
 pub mod ray;
+pub mod shadow;
+pub mod sky;
 pub mod terrain;
 
 use crate::layout::{Leaf, Sheet, View};

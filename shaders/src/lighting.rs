@@ -1,0 +1,63 @@
+//! Which variant of the `shade` pass a scene needs: what it does not have is compiled away.
+
+/// Entry point of the vertex stage.
+pub const SHADE_VERTEX: &str = "full_screen";
+/// Entry point of the fragment stage.
+pub const SHADE_FRAGMENT: &str = "shade";
+
+/// Steps of the shadow march in a picture of good quality (the reach is the same whatever their number).
+pub const DEFAULT_SHADOW_STEPS: u32 = 30;
+
+/// A variant of the `shade` pass, by its pipeline constants.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct ShadeVariant {
+    /// The scene has a photo (or relief colours in its place).
+    pub photo: bool,
+    /// Something grows: `surface` holds canopy.
+    pub canopy: bool,
+    /// There may be open water.
+    pub water: bool,
+    /// Shadows and the sky's visibility are wanted; otherwise `View::shadow_steps` is not looked at.
+    pub shadows: bool,
+    /// The target's format does not encode sRGB: the shader does.
+    pub encode_srgb: bool,
+}
+
+impl Default for ShadeVariant {
+    /// Everything, on a target that encodes sRGB itself.
+    fn default() -> Self {
+        Self { photo: true, canopy: true, water: true, shadows: true, encode_srgb: false }
+    }
+}
+
+impl ShadeVariant {
+    /// The pipeline constants, as wgpu wants them.
+    pub fn constants(self) -> [(&'static str, f64); 5] {
+        let number = |flag: bool| f64::from(u8::from(flag));
+        [
+            ("WITH_PHOTO", number(self.photo)),
+            ("WITH_CANOPY", number(self.canopy)),
+            ("WITH_WATER", number(self.water)),
+            ("WITH_SHADOWS", number(self.shadows)),
+            ("ENCODE_SRGB", number(self.encode_srgb)),
+        ]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_constant_is_an_override_of_the_shader_and_no_other_is() {
+        let text = crate::source(crate::Pass::Shade);
+        let constants = ShadeVariant::default().constants();
+        for (name, _) in constants {
+            assert!(text.contains(&format!("override {name}: bool")), "{name}");
+        }
+        assert_eq!(text.matches("override ").count(), constants.len());
+        for name in [SHADE_VERTEX, SHADE_FRAGMENT] {
+            assert!(text.contains(&format!("fn {name}(")), "{name}");
+        }
+    }
+}
