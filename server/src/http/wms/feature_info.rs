@@ -69,7 +69,10 @@ pub async fn answer(
             Overload::QueueFull => MakeError::Busy,
             Overload::Panicked => MakeError::Panicked,
         })??;
-    let body = if format == "text/plain" { plain(&found) } else { json(&found) };
+    let body = match format {
+        "text/plain" => plain(longitude, latitude, &found),
+        _ => json(longitude, latitude, &found),
+    };
     let headers = [(header::CONTENT_TYPE, format), (header::CACHE_CONTROL, ASK_AGAIN)];
     Ok((headers, body).into_response())
 }
@@ -84,10 +87,10 @@ fn pixel(parameters: &Parameters, name: &str, size: u32) -> Result<u32, ServiceE
     })
 }
 
-fn json(found: &PointInfo) -> String {
+fn json(longitude: f64, latitude: f64, found: &PointInfo) -> String {
     serde_json::json!({
-        "longitude": found.longitude,
-        "latitude": found.latitude,
+        "longitude": longitude,
+        "latitude": latitude,
         "elevation": found.terrain,
         "canopy_height": found.canopy,
         "combined_elevation": found.terrain.map(|terrain| terrain + found.canopy.unwrap_or(0.0)),
@@ -98,18 +101,13 @@ fn json(found: &PointInfo) -> String {
         + "\n"
 }
 
-fn plain(found: &PointInfo) -> String {
+fn plain(longitude: f64, latitude: f64, found: &PointInfo) -> String {
     let metres = |value: Option<f64>| value.map_or("no data".to_owned(), |value| format!("{value:.2} m"));
-    let mut out = format!(
-        "longitude: {}\nlatitude: {}\nelevation: {}\ncanopy height: {}\n",
-        found.longitude,
-        found.latitude,
-        metres(found.terrain),
-        metres(found.canopy)
-    );
+    let mut out =
+        format!("longitude: {longitude}\nlatitude: {latitude}\nelevation: {}\n", metres(found.terrain));
     if let Some(class) = found.class {
         let species = found.species.as_deref().unwrap_or("no trees");
-        out += &format!("land cover: {class} ({species})\n");
+        out += &format!("canopy height: {}\nland cover: {class} ({species})\n", metres(found.canopy));
     }
     out
 }

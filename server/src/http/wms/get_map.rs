@@ -107,9 +107,10 @@ fn format(parameters: &Parameters, layer: Layer) -> Result<Format, ServiceExcept
 }
 
 fn transparent(parameters: &Parameters) -> Result<bool, ServiceException> {
-    match parameters.get("TRANSPARENT").map(str::to_ascii_uppercase).as_deref() {
-        None | Some("FALSE") => Ok(false),
-        Some("TRUE") => Ok(true),
+    match parameters.get("TRANSPARENT") {
+        None => Ok(false),
+        Some(text) if text.eq_ignore_ascii_case("FALSE") => Ok(false),
+        Some(text) if text.eq_ignore_ascii_case("TRUE") => Ok(true),
         Some(text) => {
             Err(ServiceException::invalid(format!("TRANSPARENT is \"{text}\"; it must be TRUE or FALSE")))
         }
