@@ -1,0 +1,451 @@
+//! The engine: what a host calls. It never blocks and reads no clock.
+//!
+//! A host calls [`Engine::step`] with the time and the view, fetches what the report asks for, and
+//! hands the answers to [`Engine::deliver`] whenever they come.
+
+use crate::frame::{FrameRenderer, FrameTarget};
+use crate::gpu::GpuContext;
+use crate::gpu::targets::Targets;
+use crate::gpu::tile_arrays::TileArrays;
+use crate::stats::{RequestStats, Stats};
+use crate::stream::decode::{self, ElevationPixels, TEXTURE_SIDE};
+use crate::stream::page_table::Tables;
+use crate::stream::requests::{Failure, FetchFailure, RequestId, TileKey};
+use crate::stream::view::ViewGeometry;
+use crate::stream::{Stream, StreamError, StreamOptions};
+use crate::twin_world;
+use std::collections::BTreeMap;
+use treeline_core::camera::GeographicCamera;
+use treeline_core::geodesy::{self, Geodetic};
+use treeline_core::layer::Layer;
+use treeline_core::query::get_map_query;
+use treeline_core::scene::SceneDescription;
+use treeline_core::sun::{SunPosition, TimeError, unix_seconds_from_rfc3339};
+use treeline_core::tile::TileAddress;
+use treeline_shaders::layout::View;
+
+/// Shadow steps where the host says nothing (the design's example: a reach of 3.5 km).
+pub const DEFAULT_SHADOW_STEPS: u32 = 30;
+
+/// What the engine is made with.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EngineOptions {
+    /// Streaming.
+    pub stream: StreamOptions,
+    /// Tiles uploaded in one step at most: more would make a frame late.
+    pub uploads_per_step: usize,
+    /// Count texel fetches per ray.
+    pub count_fetches: bool,
+}
+
+impl Default for EngineOptions {
+    fn default() -> Self {
+        Self { stream: StreamOptions::default(), uploads_per_step: 6, count_fetches: false }
+    }
+}
+
+/// Who looks, at what size, under which sun.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ViewRequest {
+    /// The camera; [`GeographicCamera::check`] holds.
+    pub camera: GeographicCamera,
+    /// Picture, pixels.
+    pub width: u32,
+    /// Picture, pixels.
+    pub height: u32,
+    /// Seconds since 1970-01-01T00:00Z for the sun's place; the scene's own time where `None`.
+    pub sun_unix_seconds: Option<f64>,
+    /// Steps of the shadow march; 0 for no shadows.
+    pub shadow_steps: u32,
+}
+
+/// What the host fetched.
+#[derive(Clone, Debug)]
+pub enum Payload {
+    /// An elevation tile's bytes, Content-Encoding undone.
+    Bytes(Vec<u8>),
+    /// A decoded photo.
+    Photo {
+        /// Columns.
+        width: u32,
+        /// Rows.
+        height: u32,
+        /// Bytes that came over the network.
+        bytes: u64,
+        /// The picture.
+        pixels: PhotoPixels,
+    },
+}
+
+/// A decoded photo tile, in the form the host has it.
+#[derive(Clone, Debug)]
+pub enum PhotoPixels {
+    /// sRGB with straight alpha, row-major from the north-west.
+    Rgba(Vec<u8>),
+    /// The browser's, decoded off the main thread.
+    #[cfg(target_arch = "wasm32")]
+    Bitmap(web_sys::ImageBitmap),
+}
+
+/// A tile to fetch.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct TileRequest {
+    /// Names the request.
+    pub id: RequestId,
+    /// The tile, which says how to decode the answer.
+    pub key: TileKey,
+    /// Where it is: the scene's WMS endpoint with a GetMap query.
+    pub url: String,
+}
+
+/// What a step did and asks for.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FrameReport {
+    /// Whether a frame was drawn into the target.
+    pub drawn: bool,
+    /// Whether everything the view wants is resident, drawn and faded in.
+    pub settled: bool,
+    /// To fetch.
+    pub requests: Vec<TileRequest>,
+    /// To abort.
+    pub cancelled: Vec<RequestId>,
+    /// Tiles that the view wants, and how many of them are here.
+    pub progress: (usize, usize),
+    /// Whether every tile that the view wants is here and uploaded.
+    pub complete: bool,
+    /// Whether the coarsest tiles are here, so that there is a landscape at all.
+    pub ready: bool,
+    /// Whether something still fades in: step again with the next frame.
+    pub fading: bool,
+    /// Where a tile failed: when it will be asked for again, in the host's seconds.
+    pub retry_at: Option<f64>,
+}
+
+/// Why an engine cannot be made.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum EngineError {
+    /// The scene cannot be streamed.
+    #[error(transparent)]
+    Stream(#[from] StreamError),
+    /// The scene's sun has no time.
+    #[error("the scene's sun: {0}")]
+    Sun(#[from] TimeError),
+}
+
+/// A tile that came and waits for its upload.
+#[derive(Debug)]
+enum Arrived {
+    Elevation(TileKey, ElevationPixels),
+    Photo(TileKey, PhotoPixels),
+}
+
+impl Arrived {
+    fn key(&self) -> &TileKey {
+        match self {
+            Self::Elevation(key, _) | Self::Photo(key, _) => key,
+        }
+    }
+}
+
+/// The engine.
+#[derive(Debug)]
+pub struct Engine {
+    gpu: GpuContext,
+    scene: SceneDescription,
+    sun_unix_seconds: f64,
+    options: EngineOptions,
+    stream: Stream,
+    arrays: TileArrays,
+    renderer: FrameRenderer,
+    arrived: Vec<Arrived>,
+    /// The view of the last choice of tiles.
+    chosen: Option<ViewRequest>,
+    /// The last frame drawn.
+    drawn: Option<Drawn>,
+    stale: bool,
+    counters: RequestStats,
+    tiles: BTreeMap<&'static str, u64>,
+    bytes: BTreeMap<&'static str, u64>,
+    frames: u64,
+}
+
+/// The last frame.
+#[derive(Debug)]
+struct Drawn {
+    request: ViewRequest,
+    geometry: ViewGeometry,
+    view: View,
+    tables: Tables,
+}
+
+impl Engine {
+    /// For a scene as the server describes it. Nothing is compiled or allocated that only a frame needs.
+    pub fn new(
+        gpu: GpuContext,
+        scene: SceneDescription,
+        options: EngineOptions,
+    ) -> Result<Self, EngineError> {
+        let stream = Stream::new(&scene, &options.stream)?;
+        let sun_unix_seconds = unix_seconds_from_rfc3339(&scene.sun.time)?;
+        let (elevation_slots, texture_slots) = stream.capacities();
+        let with_surface = stream.elevation_layer() == Layer::CombinedElevation;
+        let arrays =
+            TileArrays::new(&gpu.device, elevation_slots as u32, texture_slots as u32, with_surface);
+        let renderer = FrameRenderer::new(&gpu, options.count_fetches);
+        Ok(Self {
+            gpu,
+            scene,
+            sun_unix_seconds,
+            options,
+            stream,
+            arrays,
+            renderer,
+            arrived: Vec::new(),
+            chosen: None,
+            drawn: None,
+            stale: true,
+            counters: RequestStats::default(),
+            tiles: BTreeMap::new(),
+            bytes: BTreeMap::new(),
+            frames: 0,
+        })
+    }
+
+    /// The scene.
+    pub fn scene(&self) -> &SceneDescription {
+        &self.scene
+    }
+
+    /// The device.
+    pub fn gpu(&self) -> &GpuContext {
+        &self.gpu
+    }
+
+    /// One step at `now` seconds (any clock that does not go back). Draws into the target when something
+    /// changed, or not at all.
+    pub fn step(
+        &mut self,
+        now: f64,
+        request: &ViewRequest,
+        target: Option<&FrameTarget<'_>>,
+    ) -> FrameReport {
+        let geometry = ViewGeometry::new(&request.camera, request.width, request.height);
+        let moved = self.chosen.as_ref() != Some(request);
+        if moved {
+            self.stream.choose(&geometry);
+            self.chosen = Some(request.clone());
+        }
+        if self.upload() {
+            // What has come says more about what lies below it.
+            self.stream.choose(&geometry);
+            self.stale = true;
+        }
+        let plan = self.stream.plan(now);
+        self.counters.started += plan.start.len() as u64;
+        self.counters.cancelled += plan.cancel.len() as u64;
+        let ready = self.stream.is_ready();
+        let changed = moved || self.stale || self.stream.is_fading() || self.drawn.is_none();
+        let drawn = match target {
+            Some(target) if ready && changed => {
+                self.draw(now, request, geometry, target);
+                true
+            }
+            _ => false,
+        };
+        let complete = self.arrived.is_empty() && self.stream.has_all();
+        FrameReport {
+            drawn,
+            complete,
+            settled: ready
+                && complete
+                && self.drawn.as_ref().is_some_and(|drawn| drawn.request == *request)
+                && !self.stale
+                && !self.stream.is_fading(),
+            requests: plan.start.into_iter().map(|(id, key)| self.request(id, key)).collect(),
+            cancelled: plan.cancel,
+            progress: self.stream.progress(),
+            ready,
+            fading: self.stream.is_fading(),
+            retry_at: self.stream.next_retry(),
+        }
+    }
+
+    /// The next step draws even if nothing has changed (the target was resized or lost its content).
+    pub fn invalidate(&mut self) {
+        self.stale = true;
+    }
+
+    fn request(&self, id: RequestId, key: TileKey) -> TileRequest {
+        let query = get_map_query(key.layer, key.address, &self.scene.revision);
+        TileRequest { id, key, url: format!("{}{query}", self.scene.wms) }
+    }
+
+    fn draw(
+        &mut self,
+        now: f64,
+        request: &ViewRequest,
+        geometry: ViewGeometry,
+        target: &FrameTarget<'_>,
+    ) {
+        let tables = self.stream.tables(&geometry, now);
+        let view = self.view(request, &geometry);
+        self.renderer.draw(&self.gpu, &self.arrays, &view, &tables, target);
+        self.drawn = Some(Drawn { request: request.clone(), geometry, view, tables });
+        self.stale = false;
+        self.frames += 1;
+    }
+
+    /// What every pass knows of the frame; from here on everything is relative to the eye.
+    fn view(&self, request: &ViewRequest, geometry: &ViewGeometry) -> View {
+        let eye = geometry.eye;
+        let time = request.sun_unix_seconds.unwrap_or(self.sun_unix_seconds);
+        let sun = SunPosition::at(time, eye.longitude, eye.latitude).direction_enu();
+        let axis = |vector: glam::DVec3, last: f64| {
+            [vector.x as f32, vector.y as f32, vector.z as f32, last as f32]
+        };
+        let grid = &self.stream.grid;
+        let over = grid.coordinates(eye.longitude, eye.latitude);
+        View {
+            right: axis(geometry.right * geometry.tangent_x, geometry.pixel_angle),
+            up: axis(geometry.up * geometry.tangent_y, eye.height),
+            forward: axis(geometry.forward, self.scene.maximum_height),
+            sun: axis(sun, geodesy::gaussian_radius(eye.latitude)),
+            size: geometry.size,
+            root_size: [grid.columns, grid.rows],
+            eye_grid: over.unwrap_or_default(),
+            eye_inside: u32::from(over.is_some()),
+            wraps: u32::from(grid.wraps()),
+            root_level: u32::from(grid.level),
+            shadow_steps: request.shadow_steps,
+            flags: 0,
+            // Dithering stands still: a picture is a function of its view.
+            frame: 0,
+        }
+    }
+
+    /// A request's answer. One that was cancelled is ignored.
+    pub fn deliver(&mut self, now: f64, id: RequestId, answer: Result<Payload, FetchFailure>) {
+        let Some(key) = self.stream.requests().finish(id) else { return };
+        match answer.and_then(|payload| self.decode(key, payload)) {
+            Ok(arrived) => {
+                self.counters.succeeded += 1;
+                *self.tiles.entry(key.layer.name()).or_default() += 1;
+                self.stream.mark_arrived(key);
+                self.arrived.push(arrived);
+            }
+            Err(failure) => {
+                self.counters.failed += 1;
+                self.stream.requests().failed(key, now, &failure);
+            }
+        }
+    }
+
+    fn decode(&mut self, key: TileKey, payload: Payload) -> Result<Arrived, FetchFailure> {
+        let received = match &payload {
+            Payload::Bytes(bytes) => bytes.len() as u64,
+            Payload::Photo { bytes, .. } => *bytes,
+        };
+        *self.bytes.entry(key.layer.name()).or_default() += received;
+        match payload {
+            Payload::Bytes(bytes) if key.layer.is_elevation() => {
+                Ok(Arrived::Elevation(key, decode::elevation(&bytes, key.address)?))
+            }
+            Payload::Photo { width, height, pixels, .. } if key.layer == Layer::Texture => {
+                if (width, height) != (TEXTURE_SIDE, TEXTURE_SIDE) {
+                    return Err(FetchFailure::Permanent(format!(
+                        "a photo tile of {width} × {height} where {TEXTURE_SIDE} × {TEXTURE_SIDE} was asked for"
+                    )));
+                }
+                Ok(Arrived::Photo(key, pixels))
+            }
+            _ => Err(FetchFailure::Permanent(format!("{key}: an answer of the wrong kind"))),
+        }
+    }
+
+    /// Uploads what has come, no more than a step allows; answers whether anything was placed.
+    fn upload(&mut self) -> bool {
+        let count = self.arrived.len().min(self.options.uploads_per_step.max(1));
+        let batch: Vec<Arrived> = self.arrived.drain(..count).collect();
+        let mut new_slots = Vec::new();
+        for arrived in batch {
+            let key = *arrived.key();
+            match arrived {
+                Arrived::Elevation(_, pixels) => {
+                    let Some(slot) = self.stream.place_elevation(key, pixels.summary.clone()) else { continue };
+                    self.arrays.upload_elevation(&self.gpu.device, &self.gpu.queue, slot, &pixels);
+                    new_slots.push(slot);
+                }
+                Arrived::Photo(_, pixels) => {
+                    let Some(slot) = self.stream.place_texture(key) else { continue };
+                    self.arrays.upload_photo(&self.gpu.device, &self.gpu.queue, slot, &pixels);
+                }
+            }
+        }
+        self.renderer.derive_maxima(&self.gpu, &self.arrays, &new_slots);
+        count > 0
+    }
+
+    /// Height of the ground (canopy included, where it is drawn) at a place from the finest resident
+    /// tile, metres; `None` outside the scene, in a void or before anything has come.
+    pub fn ground_height(&self, longitude: f64, latitude: f64) -> Option<f64> {
+        self.stream.ground_height(longitude, latitude)
+    }
+
+    /// The place that the last frame shows at a picture position (pixels from the top left); `None` for
+    /// the sky, or before a frame.
+    pub fn pick(&self, x: f64, y: f64) -> Option<Geodetic> {
+        let drawn = self.drawn.as_ref()?;
+        let direction = drawn.geometry.direction(x, y);
+        let hit = twin_world::cast(&self.stream, &drawn.view, &drawn.tables, direction)?;
+        Some(drawn.geometry.geodetic(direction * hit))
+    }
+
+    /// Of the last frame, by the twin: for each pixel whether the twin hits. Slow: for statistics.
+    pub fn twin_hits(&self) -> Vec<bool> {
+        self.drawn.as_ref().map_or_else(Vec::new, |drawn| {
+            twin_world::hits(&self.stream, &drawn.view, &drawn.tables)
+        })
+    }
+
+    /// The geometry of the last frame.
+    pub fn drawn_geometry(&self) -> Option<&ViewGeometry> {
+        self.drawn.as_ref().map(|drawn| &drawn.geometry)
+    }
+
+    /// What the last frame's terrain pass wrote.
+    pub fn targets(&self) -> Option<&Targets> {
+        self.renderer.targets()
+    }
+
+    /// The tiles that the view wants of each layer, ancestors included.
+    pub fn wanted(&self) -> Vec<(Layer, Vec<TileAddress>)> {
+        self.stream.wanted()
+    }
+
+    /// Tiles that are wanted and have failed.
+    pub fn failures(&self) -> impl Iterator<Item = (TileKey, &Failure)> {
+        self.stream.failures()
+    }
+
+    /// Forgets the times of passes so far.
+    pub fn clear_times(&mut self) {
+        self.renderer.clear_times();
+    }
+
+    /// Counters since the engine was made.
+    pub fn stats(&mut self) -> Stats {
+        let mut requests = self.counters;
+        requests.in_flight = self.stream.requests().in_flight();
+        Stats {
+            adapter: self.gpu.adapter_name(),
+            passes: self.renderer.pass_milliseconds().into_iter().collect(),
+            pipelines: self.renderer.pipelines(),
+            tiles: self.tiles.clone(),
+            bytes: self.bytes.clone(),
+            resident: self.stream.residents(),
+            requests,
+            frames: self.frames,
+            limited: self.stream.is_limited(),
+        }
+    }
+}

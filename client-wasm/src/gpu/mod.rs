@@ -1,0 +1,8 @@
+//! What lives on the GPU: the device, the tiles' slots, the frame's buffers and targets.
+
+pub mod context;
+pub mod frame_buffers;
+pub mod targets;
+pub mod tile_arrays;
+
+pub use context::GpuContext;

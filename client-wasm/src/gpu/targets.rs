@@ -1,0 +1,49 @@
+//! What the terrain pass writes and the shade pass reads: one pair of textures of the picture's size.
+
+/// Metres from the eye; −1 for a miss.
+pub const DISTANCE_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::R32Float;
+/// Leaf, u and v as bits, texel fetches.
+pub const HIT_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Uint;
+
+/// The pair.
+#[derive(Debug)]
+pub struct Targets {
+    /// Distances.
+    pub distance: wgpu::Texture,
+    /// Hits.
+    pub hit: wgpu::Texture,
+    /// View of the distances.
+    pub distance_view: wgpu::TextureView,
+    /// View of the hits.
+    pub hit_view: wgpu::TextureView,
+}
+
+impl Targets {
+    /// For a picture of so many pixels.
+    pub fn new(device: &wgpu::Device, width: u32, height: u32) -> Self {
+        let create = |label, format| {
+            device.create_texture(&wgpu::TextureDescriptor {
+                label: Some(label),
+                size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+                mip_level_count: 1,
+                sample_count: 1,
+                dimension: wgpu::TextureDimension::D2,
+                format,
+                usage: wgpu::TextureUsages::RENDER_ATTACHMENT
+                    | wgpu::TextureUsages::TEXTURE_BINDING
+                    | wgpu::TextureUsages::COPY_SRC,
+                view_formats: &[],
+            })
+        };
+        let distance = create("distance", DISTANCE_FORMAT);
+        let hit = create("hit", HIT_FORMAT);
+        let distance_view = distance.create_view(&wgpu::TextureViewDescriptor::default());
+        let hit_view = hit.create_view(&wgpu::TextureViewDescriptor::default());
+        Self { distance, hit, distance_view, hit_view }
+    }
+
+    /// Width and height, pixels.
+    pub fn size(&self) -> [u32; 2] {
+        [self.distance.width(), self.distance.height()]
+    }
+}

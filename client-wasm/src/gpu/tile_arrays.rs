@@ -1,0 +1,254 @@
+//! The slots: texture arrays that grow by doubling up to the pool's capacity, so that a small scene
+//! takes little memory and none grows without bound.
+
+use crate::engine::PhotoPixels;
+use crate::stream::decode::{ELEVATION_SIDE, ElevationPixels, TEXTURE_SIDE};
+use treeline_core::tile::CELLS;
+
+/// Layers allocated at first.
+const FIRST_LAYERS: u32 = 4;
+
+/// One texture array whose layers are slots.
+#[derive(Debug)]
+pub struct TileArray {
+    label: &'static str,
+    texture: wgpu::Texture,
+    view: wgpu::TextureView,
+    capacity: u32,
+}
+
+/// What an array's layers look like.
+#[derive(Clone, Copy, Debug)]
+struct ArrayShape {
+    label: &'static str,
+    side: u32,
+    mips: u32,
+    format: wgpu::TextureFormat,
+    usage: wgpu::TextureUsages,
+}
+
+impl TileArray {
+    fn new(device: &wgpu::Device, shape: ArrayShape, capacity: u32) -> Self {
+        let layers = FIRST_LAYERS.min(capacity).max(1);
+        let texture = create(device, &shape, layers);
+        let view = array_view(&texture);
+        Self { label: shape.label, texture, view, capacity: capacity.max(1) }
+    }
+
+    /// The array as passes see it.
+    pub fn view(&self) -> &wgpu::TextureView {
+        &self.view
+    }
+
+    /// One mip of one layer.
+    pub fn layer_mip(&self, slot: u32, mip: u32) -> wgpu::TextureView {
+        self.texture.create_view(&wgpu::TextureViewDescriptor {
+            label: Some(self.label),
+            dimension: Some(wgpu::TextureViewDimension::D2),
+            base_mip_level: mip,
+            mip_level_count: Some(1),
+            base_array_layer: slot,
+            array_layer_count: Some(1),
+            ..wgpu::TextureViewDescriptor::default()
+        })
+    }
+
+    /// Texels along a layer's side.
+    pub fn side(&self) -> u32 {
+        self.texture.width()
+    }
+
+    /// Mips of a layer.
+    pub fn mips(&self) -> u32 {
+        self.texture.mip_level_count()
+    }
+
+    /// Makes room for a slot; answers whether the array is a new one.
+    fn ensure(&mut self, device: &wgpu::Device, queue: &wgpu::Queue, slot: u32) -> bool {
+        let layers = self.texture.depth_or_array_layers();
+        if slot < layers {
+            return false;
+        }
+        let mut grown = layers;
+        while grown <= slot {
+            grown = (2 * grown).min(self.capacity.max(slot + 1));
+        }
+        let shape = ArrayShape {
+            label: self.label,
+            side: self.texture.width(),
+            mips: self.texture.mip_level_count(),
+            format: self.texture.format(),
+            usage: self.texture.usage(),
+        };
+        let larger = create(device, &shape, grown);
+        let mut encoder = device
+            .create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("grow tile array") });
+        for mip in 0..shape.mips {
+            let side = (shape.side >> mip).max(1);
+            let place = |texture| wgpu::TexelCopyTextureInfo {
+                texture,
+                mip_level: mip,
+                origin: wgpu::Origin3d::ZERO,
+                aspect: wgpu::TextureAspect::All,
+            };
+            encoder.copy_texture_to_texture(
+                place(&self.texture),
+                place(&larger),
+                wgpu::Extent3d { width: side, height: side, depth_or_array_layers: layers },
+            );
+        }
+        queue.submit([encoder.finish()]);
+        self.view = array_view(&larger);
+        self.texture = larger;
+        true
+    }
+
+    fn write(&self, queue: &wgpu::Queue, slot: u32, data: &[u8], bytes_per_texel: u32) {
+        let side = self.texture.width();
+        queue.write_texture(
+            self.place(slot),
+            data,
+            wgpu::TexelCopyBufferLayout {
+                offset: 0,
+                bytes_per_row: Some(bytes_per_texel * side),
+                rows_per_image: Some(side),
+            },
+            wgpu::Extent3d { width: side, height: side, depth_or_array_layers: 1 },
+        );
+    }
+
+    fn place(&self, slot: u32) -> wgpu::TexelCopyTextureInfo<'_> {
+        wgpu::TexelCopyTextureInfo {
+            texture: &self.texture,
+            mip_level: 0,
+            origin: wgpu::Origin3d { x: 0, y: 0, z: slot },
+            aspect: wgpu::TextureAspect::All,
+        }
+    }
+}
+
+fn create(device: &wgpu::Device, shape: &ArrayShape, layers: u32) -> wgpu::Texture {
+    device.create_texture(&wgpu::TextureDescriptor {
+        label: Some(shape.label),
+        size: wgpu::Extent3d { width: shape.side, height: shape.side, depth_or_array_layers: layers },
+        mip_level_count: shape.mips,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format: shape.format,
+        usage: shape.usage,
+        view_formats: &[],
+    })
+}
+
+fn array_view(texture: &wgpu::Texture) -> wgpu::TextureView {
+    texture.create_view(&wgpu::TextureViewDescriptor {
+        dimension: Some(wgpu::TextureViewDimension::D2Array),
+        ..wgpu::TextureViewDescriptor::default()
+    })
+}
+
+/// All arrays of a scene.
+#[derive(Debug)]
+pub struct TileArrays {
+    /// Heights, metres.
+    pub heights: TileArray,
+    /// Pyramids of maxima over the cells.
+    pub maxima: TileArray,
+    /// Surface type and canopy height.
+    pub surface: TileArray,
+    /// Photo.
+    pub photo: TileArray,
+    /// Counts replaced arrays: bind groups of another generation are stale.
+    pub generation: u64,
+}
+
+impl TileArrays {
+    /// For so many elevation and photo slots. `with_surface`: the elevation layer carries surface types.
+    pub fn new(
+        device: &wgpu::Device,
+        elevation_slots: u32,
+        texture_slots: u32,
+        with_surface: bool,
+    ) -> Self {
+        use wgpu::{TextureFormat, TextureUsages};
+        let grows = TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST | TextureUsages::COPY_SRC;
+        let elevation = |label, side, mips, format, usage| {
+            TileArray::new(device, ArrayShape { label, side, mips, format, usage }, elevation_slots)
+        };
+        // Where there is nothing to hold, one texel stands in.
+        let surface_side = if with_surface { ELEVATION_SIDE } else { 1 };
+        let photo = ArrayShape {
+            label: "photo",
+            side: if texture_slots > 0 { TEXTURE_SIDE } else { 1 },
+            mips: 1,
+            format: TextureFormat::Rgba8UnormSrgb,
+            // The browser copies decoded images by drawing them.
+            usage: grows | TextureUsages::RENDER_ATTACHMENT,
+        };
+        Self {
+            heights: elevation("heights", ELEVATION_SIDE, 1, TextureFormat::R32Float, grows),
+            maxima: elevation(
+                "maxima",
+                CELLS / 2,
+                CELLS.ilog2(),
+                TextureFormat::R32Float,
+                grows | TextureUsages::STORAGE_BINDING,
+            ),
+            surface: elevation("surface", surface_side, 1, TextureFormat::Rg8Uint, grows),
+            photo: TileArray::new(device, photo, texture_slots),
+            generation: 0,
+        }
+    }
+
+    /// Uploads an elevation tile into its slot; the maxima are the caller's to derive.
+    pub fn upload_elevation(
+        &mut self,
+        device: &wgpu::Device,
+        queue: &wgpu::Queue,
+        slot: u32,
+        pixels: &ElevationPixels,
+    ) {
+        let mut grown = self.heights.ensure(device, queue, slot);
+        grown |= self.maxima.ensure(device, queue, slot);
+        self.heights.write(queue, slot, bytemuck::cast_slice(&pixels.summary.heights), 4);
+        if self.surface.texture.width() == ELEVATION_SIDE {
+            grown |= self.surface.ensure(device, queue, slot);
+            match &pixels.surface {
+                Some(surface) => self.surface.write(queue, slot, surface, 2),
+                None => {
+                    let plain = vec![0_u8; 2 * (ELEVATION_SIDE * ELEVATION_SIDE) as usize];
+                    self.surface.write(queue, slot, &plain, 2);
+                }
+            }
+        }
+        self.generation += u64::from(grown);
+    }
+
+    /// Uploads a photo tile into its slot.
+    pub fn upload_photo(
+        &mut self,
+        device: &wgpu::Device,
+        queue: &wgpu::Queue,
+        slot: u32,
+        pixels: &PhotoPixels,
+    ) {
+        self.generation += u64::from(self.photo.ensure(device, queue, slot));
+        match pixels {
+            PhotoPixels::Rgba(rgba) => self.photo.write(queue, slot, rgba, 4),
+            #[cfg(target_arch = "wasm32")]
+            PhotoPixels::Bitmap(bitmap) => {
+                queue.copy_external_image_to_texture(
+                    &wgpu::CopyExternalImageSourceInfo {
+                        source: wgpu::ExternalImageSource::ImageBitmap(bitmap.clone()),
+                        origin: wgpu::Origin2d::ZERO,
+                        flip_y: false,
+                    },
+                    self.photo.place(slot).to_tagged(wgpu::PredefinedColorSpace::Srgb, false),
+                    wgpu::Extent3d { width: TEXTURE_SIDE, height: TEXTURE_SIDE, depth_or_array_layers: 1 },
+                );
+                // Its memory is the browser's, and not small.
+                bitmap.close();
+            }
+        }
+    }
+}
