@@ -123,10 +123,11 @@ impl Leaf {
     }
 }
 
-/// Integer cell and fraction (0…1) of a coordinate in cells.
-fn cell_and_fraction(coordinate: f64) -> (i32, f64) {
+/// Integer cell and fraction (0 ≤ fraction < 1, in f32 too) of a coordinate in cells.
+pub(crate) fn cell_and_fraction(coordinate: f64) -> (i32, f64) {
     let cell = coordinate.floor().clamp(-2.0e9, 2.0e9);
-    (cell as i32, coordinate - cell)
+    let fraction = coordinate - cell;
+    if fraction as f32 == 1.0 { (cell as i32 + 1, 0.0) } else { (cell as i32, fraction) }
 }
 
 /// What every pass knows of the frame: bind group 0, binding 0.

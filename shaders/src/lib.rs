@@ -4,6 +4,7 @@
 //! file comes last. Modules are constants of this crate, so that there is no import to get wrong
 //! at run time, and a test runs naga over every pass exactly as it is assembled.
 
+pub mod height_field;
 pub mod layout;
 pub mod lighting;
 pub mod twin;

@@ -1,8 +1,11 @@
 //! Treeline's test harness: real data and where it lies, the real programs, a real browser, a bad
-//! connection, and the comparison of pictures.
+//! connection, the comparison of pictures, and the exact reference of ray-cast height fields.
 
 pub mod browser;
 pub mod data;
 pub mod faulty_link;
+pub mod gpu;
+pub mod height_field;
 pub mod picture;
 pub mod program;
+pub mod reference;
