@@ -119,11 +119,6 @@ pub struct Crown {
 }
 
 impl Crown {
-    /// Height of the top, metres.
-    pub fn top(&self) -> f32 {
-        self.anchor + self.height
-    }
-
     /// Height of the crown's surface at a square of the distance over the radius's, metres.
     fn surface(&self, squared: f32) -> f32 {
         self.anchor + (self.base + (self.height - self.base) * self.shape.surface(squared))
@@ -298,24 +293,39 @@ impl<'a> CrownIndex<'a> {
     }
 }
 
-/// Raises bounds of blocks (columns × rows equal parts of a rectangle of units) to the tops of all
-/// crowns that reach into them.
+/// What rounding may add between a crown's bound and its surface as drawn, metres.
+const BOUND_SLACK_METRES: f32 = 0.01;
+
+/// Raises bounds of blocks (columns × rows equal parts of a rectangle of units) to all crowns that
+/// reach into them: each by its surface where the block is nearest to the trunk, the highest it is
+/// anywhere in the block.
 pub fn raise_blocks(crowns: &[Crown], bounds: [f64; 4], columns: usize, rows: usize, out: &mut [f32]) {
     let [west, north, east, south] = bounds;
-    let (across, down) = (columns as f64 / (east - west), rows as f64 / (south - north));
+    let (block_x, block_y) = ((east - west) / columns as f64, (south - north) / rows as f64);
     for crown in crowns {
-        let reach_y = f64::from(crown.radius) / UNIT_METRES + 1.0;
-        let reach_x = f64::from(crown.radius) / f64::from(crown.metres_per_unit_x) + 1.0;
-        let range = |from: f64, to: f64, count: usize| {
-            from.floor().clamp(0.0, count as f64) as usize
-                ..((to.floor() + 1.0).clamp(0.0, count as f64) as usize)
-        };
+        let (unit_x, unit_y) = (f64::from(crown.metres_per_unit_x), UNIT_METRES);
+        let radius = f64::from(crown.radius) * 1.001;
         let (x, y) = (crown.x as f64 - west, crown.y as f64 - north);
-        for row in range((y - reach_y) * down, (y + reach_y) * down, rows) {
-            for column in range((x - reach_x) * across, (x + reach_x) * across, columns) {
-                let block = &mut out[row * columns + column];
-                // A void block stays one unless a crown hangs into it.
-                *block = block.max(crown.top());
+        let range = |at: f64, reach: f64, block: f64, count: usize| {
+            let first = ((at - reach) / block).floor().clamp(0.0, count as f64);
+            let last = (((at + reach) / block).floor() + 1.0).clamp(0.0, count as f64);
+            first as usize..last as usize
+        };
+        // Distance from the trunk to a block along one axis.
+        let apart = |at: f64, index: usize, block: f64| {
+            let start = index as f64 * block;
+            (start - at).max(at - (start + block)).max(0.0)
+        };
+        for row in range(y, radius / unit_y, block_y, rows) {
+            let dy = apart(y, row, block_y) * unit_y;
+            for column in range(x, radius / unit_x, block_x, columns) {
+                let dx = apart(x, column, block_x) * unit_x;
+                let squared = (dx * dx + dy * dy) / (radius * radius);
+                if squared <= 1.0 {
+                    let bound = &mut out[row * columns + column];
+                    // The bound of a block without terrain is NaN, and gives way.
+                    *bound = bound.max(crown.surface(squared as f32) + BOUND_SLACK_METRES);
+                }
             }
         }
     }

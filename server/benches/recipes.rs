@@ -1,0 +1,175 @@
+//! How long a cold tile takes on one core, beyond reading its source: what the fields take is
+//! measured apart and taken off. One JSON object a line, medians in milliseconds.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
+use treeline_core::camera::GeographicCamera;
+use treeline_core::grid::LatticeWindow;
+use treeline_core::layer::{Layer, SurfaceType};
+use treeline_core::seeds::Species;
+use treeline_core::tile::{GeographicBox, TileAddress};
+use treeline_server::recipe::{Format, TileRequest, make};
+use treeline_server::scene::Scene;
+use treeline_server::source::{
+    ColourField, Cover, CoverField, FieldExtent, HeightField, SampleGrid, SourceError,
+};
+
+const ROUNDS: usize = 15;
+
+/// Nanoseconds spent in fields.
+static READING: AtomicU64 = AtomicU64::new(0);
+
+fn reading<T>(work: impl FnOnce() -> T) -> T {
+    let start = Instant::now();
+    let result = work();
+    READING.fetch_add(start.elapsed().as_nanos() as u64, Ordering::Relaxed);
+    result
+}
+
+/// A landscape that is nowhere flat, all of it forest.
+struct World {
+    extent: FieldExtent,
+}
+
+impl World {
+    fn fill<T>(&self, grid: &SampleGrid, out: &mut [T], value: impl Fn(f32, f32) -> T) {
+        let (bounds, width) = match grid {
+            SampleGrid::Lattice(window) => (window.pixel_box(), window.width),
+            SampleGrid::Box { west, south, east, north, width, .. } => {
+                (GeographicBox { west: *west, south: *south, east: *east, north: *north }, *width)
+            }
+        };
+        reading(|| {
+            let step = (bounds.east - bounds.west) / f64::from(width);
+            for (row, line) in out.chunks_mut(width as usize).enumerate() {
+                let y = ((bounds.north - row as f64 * step) * 111_320.0) as f32;
+                for (column, out) in line.iter_mut().enumerate() {
+                    *out = value(((bounds.west + column as f64 * step) * 77_000.0) as f32, y);
+                }
+            }
+        });
+    }
+}
+
+impl HeightField for World {
+    fn extent(&self) -> &FieldExtent {
+        &self.extent
+    }
+
+    fn sample(&self, grid: &SampleGrid, out: &mut [f32]) -> Result<(), SourceError> {
+        self.fill(grid, out, |x, y| {
+            1_500.0 + 400.0 * (x / 900.0).sin() * (y / 700.0).cos() + (x / 7.0).sin()
+        });
+        Ok(())
+    }
+
+    fn maxima(&self, _: &GeographicBox, columns: u32, rows: u32) -> Result<Vec<f32>, SourceError> {
+        Ok(reading(|| vec![1_902.0; (columns * rows) as usize]))
+    }
+
+    fn range(&self) -> (f32, f32) {
+        (1_000.0, 2_000.0)
+    }
+}
+
+impl CoverField for World {
+    fn extent(&self) -> &FieldExtent {
+        &self.extent
+    }
+
+    fn sample(&self, grid: &SampleGrid, out: &mut [Cover]) -> Result<(), SourceError> {
+        self.fill(grid, out, |x, y| Cover {
+            species: 1 + (((x / 60.0) as i32 + (y / 60.0) as i32) & 1) as u8,
+            closure: 200 + (x as i32 & 31) as u8,
+            height: 0,
+            surface: SurfaceType::Grass as u8,
+        });
+        Ok(())
+    }
+}
+
+impl ColourField for World {
+    fn extent(&self) -> &FieldExtent {
+        &self.extent
+    }
+
+    fn sample(&self, grid: &SampleGrid, out: &mut [[u8; 4]]) -> Result<(), SourceError> {
+        self.fill(grid, out, |x, y| {
+            let noise = ((x * 12.98 + y * 78.2).sin() * 40.0) as i32;
+            [(90 + noise / 2) as u8, (110 + noise) as u8, 70, 255]
+        });
+        Ok(())
+    }
+}
+
+fn scene(photo: bool) -> Scene {
+    let world = Arc::new(World {
+        extent: FieldExtent {
+            bounds: GeographicBox { west: 10.0, south: 46.0, east: 11.0, north: 47.0 },
+            resolution_metres: 1.0,
+            projected_epsg: None,
+        },
+    });
+    Scene {
+        name: "Benchmark".into(),
+        revision: "1".into(),
+        height: world.clone(),
+        colour: photo.then(|| world.clone() as Arc<dyn ColourField>),
+        cover: Some(world),
+        species: Species::built_in(),
+        seed: 1,
+        attribution: Vec::new(),
+        sun_time: "2026-07-15T09:00:00Z".into(),
+        camera: GeographicCamera {
+            lon: 10.5,
+            lat: 46.5,
+            height: 3_000.0,
+            heading_deg: 0.0,
+            pitch_deg: -20.0,
+            fov_y_deg: 50.0,
+        },
+        places: Vec::new(),
+    }
+}
+
+fn measure(name: &str, scene: &Scene, request: &TileRequest) {
+    let mut times: Vec<f64> = (0..ROUNDS)
+        .map(|_| {
+            let before = READING.load(Ordering::Relaxed);
+            let start = Instant::now();
+            let bytes = make(scene, request).expect("a tile");
+            let total = start.elapsed().as_nanos() as f64;
+            std::hint::black_box(bytes);
+            (total - (READING.load(Ordering::Relaxed) - before) as f64) / 1.0e6
+        })
+        .collect();
+    times.sort_by(f64::total_cmp);
+    println!("{{\"name\": \"{name}\", \"value\": {:.3}, \"unit\": \"ms\"}}", times[ROUNDS / 2]);
+}
+
+fn main() {
+    let (plain, photo) = (scene(false), scene(true));
+    let request = |layer: Layer, level: u8, format: Format| {
+        let row = layer.row();
+        let window = LatticeWindow::of_tile(TileAddress::at(level, 10.4, 46.4), row.registration, row.border);
+        TileRequest::new(layer, SampleGrid::Lattice(window), format)
+    };
+    for level in [10, 14, 15, 16, 17, 18] {
+        let own = request(Layer::CombinedElevation, level, Format::Own);
+        measure(&format!("combined-elevation, level {level}, own"), &plain, &own);
+    }
+    measure(
+        "combined-elevation, level 15, bil16",
+        &plain,
+        &request(Layer::CombinedElevation, 15, Format::Bil16),
+    );
+    measure("elevation, level 14, own", &plain, &request(Layer::Elevation, 14, Format::Own));
+    measure("elevation, level 14, png", &plain, &request(Layer::Elevation, 14, Format::Png));
+    measure("elevation, level 14, tiff", &plain, &request(Layer::Elevation, 14, Format::GeoTiff));
+    measure("lcc, level 15, own", &plain, &request(Layer::Lcc, 15, Format::Own));
+    measure("lcc, level 14, own (packed)", &plain, &request(Layer::Lcc, 14, Format::Own));
+    measure("texture, level 14, jpeg, photo", &photo, &request(Layer::Texture, 14, Format::Jpeg));
+    measure("texture, level 14, jpeg, relief", &plain, &request(Layer::Texture, 14, Format::Jpeg));
+    measure("texture, level 14, webp, photo", &photo, &request(Layer::Texture, 14, Format::WebP));
+}
