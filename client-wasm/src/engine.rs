@@ -84,7 +84,7 @@ pub enum PhotoPixels {
     Rgba(Vec<u8>),
     /// The browser's, decoded off the main thread.
     #[cfg(target_arch = "wasm32")]
-    Bitmap(web_sys::ImageBitmap),
+    Bitmap(crate::web::ImageBitmap),
 }
 
 /// A tile to fetch.
@@ -189,8 +189,7 @@ impl Engine {
         let sun_unix_seconds = unix_seconds_from_rfc3339(&scene.sun.time)?;
         let (elevation_slots, texture_slots) = stream.capacities();
         let with_surface = stream.elevation_layer() == Layer::CombinedElevation;
-        let arrays =
-            TileArrays::new(&gpu.device, elevation_slots as u32, texture_slots as u32, with_surface);
+        let arrays = TileArrays::new(&gpu.device, elevation_slots as u32, texture_slots as u32, with_surface);
         let renderer = FrameRenderer::new(&gpu, options.count_fetches);
         Ok(Self {
             gpu,
@@ -223,12 +222,7 @@ impl Engine {
 
     /// One step at `now` seconds (any clock that does not go back). Draws into the target when something
     /// changed, or not at all.
-    pub fn step(
-        &mut self,
-        now: f64,
-        request: &ViewRequest,
-        target: Option<&FrameTarget<'_>>,
-    ) -> FrameReport {
+    pub fn step(&mut self, now: f64, request: &ViewRequest, target: Option<&FrameTarget<'_>>) -> FrameReport {
         let geometry = ViewGeometry::new(&request.camera, request.width, request.height);
         let moved = self.chosen.as_ref() != Some(request);
         if moved {
@@ -244,7 +238,7 @@ impl Engine {
         self.counters.started += plan.start.len() as u64;
         self.counters.cancelled += plan.cancel.len() as u64;
         let ready = self.stream.is_ready();
-        let changed = moved || self.stale || self.stream.is_fading() || self.drawn.is_none();
+        let changed = self.is_outdated(request);
         let drawn = match target {
             Some(target) if ready && changed => {
                 self.draw(now, request, geometry, target);
@@ -270,6 +264,24 @@ impl Engine {
         }
     }
 
+    /// Whether a step with this view would draw a frame: a host that must not ask for a target in vain
+    /// asks here first.
+    pub fn wants_frame(&mut self, request: &ViewRequest) -> bool {
+        self.stream.is_ready() && (!self.arrived.is_empty() || self.is_outdated(request))
+    }
+
+    /// Whether a step with this view has something to do at once, without any further answer.
+    pub fn wants_step(&mut self, request: &ViewRequest) -> bool {
+        !self.arrived.is_empty() || self.wants_frame(request)
+    }
+
+    /// Whether the last frame is not what a frame of this view would show now.
+    fn is_outdated(&self, request: &ViewRequest) -> bool {
+        self.stale
+            || self.stream.is_fading()
+            || self.drawn.as_ref().is_none_or(|drawn| drawn.request != *request)
+    }
+
     /// The next step draws even if nothing has changed (the target was resized or lost its content).
     pub fn invalidate(&mut self) {
         self.stale = true;
@@ -280,13 +292,7 @@ impl Engine {
         TileRequest { id, key, url: format!("{}{query}", self.scene.wms) }
     }
 
-    fn draw(
-        &mut self,
-        now: f64,
-        request: &ViewRequest,
-        geometry: ViewGeometry,
-        target: &FrameTarget<'_>,
-    ) {
+    fn draw(&mut self, now: f64, request: &ViewRequest, geometry: ViewGeometry, target: &FrameTarget<'_>) {
         let tables = self.stream.tables(&geometry, now);
         let view = self.view(request, &geometry);
         self.renderer.draw(&self.gpu, &self.arrays, &view, &tables, target);
@@ -300,9 +306,8 @@ impl Engine {
         let eye = geometry.eye;
         let time = request.sun_unix_seconds.unwrap_or(self.sun_unix_seconds);
         let sun = SunPosition::at(time, eye.longitude, eye.latitude).direction_enu();
-        let axis = |vector: glam::DVec3, last: f64| {
-            [vector.x as f32, vector.y as f32, vector.z as f32, last as f32]
-        };
+        let axis =
+            |vector: glam::DVec3, last: f64| [vector.x as f32, vector.y as f32, vector.z as f32, last as f32];
         let grid = &self.stream.grid;
         let over = grid.coordinates(eye.longitude, eye.latitude);
         View {
@@ -371,7 +376,9 @@ impl Engine {
             let key = *arrived.key();
             match arrived {
                 Arrived::Elevation(_, pixels) => {
-                    let Some(slot) = self.stream.place_elevation(key, pixels.summary.clone()) else { continue };
+                    let Some(slot) = self.stream.place_elevation(key, pixels.summary.clone()) else {
+                        continue;
+                    };
                     self.arrays.upload_elevation(&self.gpu.device, &self.gpu.queue, slot, &pixels);
                     new_slots.push(slot);
                 }
@@ -402,9 +409,9 @@ impl Engine {
 
     /// Of the last frame, by the twin: for each pixel whether the twin hits. Slow: for statistics.
     pub fn twin_hits(&self) -> Vec<bool> {
-        self.drawn.as_ref().map_or_else(Vec::new, |drawn| {
-            twin_world::hits(&self.stream, &drawn.view, &drawn.tables)
-        })
+        self.drawn
+            .as_ref()
+            .map_or_else(Vec::new, |drawn| twin_world::hits(&self.stream, &drawn.view, &drawn.tables))
     }
 
     /// The geometry of the last frame.

@@ -14,3 +14,5 @@ pub mod passes;
 pub mod stats;
 pub mod stream;
 mod twin_world;
+#[cfg(target_arch = "wasm32")]
+pub mod web;

@@ -26,7 +26,9 @@ impl Address {
             let (name, value) = parameter.split_once('=').unwrap_or((parameter, ""));
             match name {
                 "camera" => address.camera = camera_from_list(value),
-                "time" if !value.is_empty() => address.time = Some(value.replace("%3A", ":").replace("%3a", ":")),
+                "time" if !value.is_empty() => {
+                    address.time = Some(value.replace("%3A", ":").replace("%3a", ":"))
+                }
                 "time" => {}
                 "fov" => field_of_view = value.parse().unwrap_or(field_of_view),
                 _ => address.others.push(parameter.to_owned()),
@@ -99,10 +101,21 @@ mod tests {
 
     #[test]
     fn what_cannot_be_read_is_left_out() {
-        for fragment in ["", "#", "#camera=", "#camera=1,2", "#camera=1,91,3,4,5", "#camera=NaN,0,0,0,0", "#camera=a,b,c,d,e"] {
+        for fragment in [
+            "",
+            "#",
+            "#camera=",
+            "#camera=1,2",
+            "#camera=1,91,3,4,5",
+            "#camera=NaN,0,0,0,0",
+            "#camera=a,b,c,d,e",
+        ] {
             assert_eq!(Address::from_fragment(fragment).camera, None, "{fragment}");
         }
-        assert_eq!(Address::from_fragment("time=2026-07-15T09%3A00%3A00Z").time.unwrap(), "2026-07-15T09:00:00Z");
+        assert_eq!(
+            Address::from_fragment("time=2026-07-15T09%3A00%3A00Z").time.unwrap(),
+            "2026-07-15T09:00:00Z"
+        );
     }
 
     #[test]

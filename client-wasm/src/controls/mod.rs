@@ -151,7 +151,9 @@ impl Controls {
     pub fn input(&mut self, input: Input, ground: &dyn Ground) {
         match input {
             Input::Resize { width, height } => self.size = DVec2::new(width.max(1.0), height.max(1.0)),
-            Input::Press { id, grip, x, y } => self.press(Pointer { id, grip, place: DVec2::new(x, y) }, ground),
+            Input::Press { id, grip, x, y } => {
+                self.press(Pointer { id, grip, place: DVec2::new(x, y) }, ground)
+            }
             Input::Drag { id, x, y } => self.drag(id, DVec2::new(x, y), ground),
             Input::Release { id } => self.release(id, ground),
             Input::Wheel { x, y, pixels } => self.wheel(DVec2::new(x, y), pixels, ground),
@@ -317,8 +319,7 @@ impl Controls {
         let glide = if self.reduced_motion { 1.0 } else { 1.0 - (-seconds / GLIDE_SECONDS).exp() };
         let velocity = &mut self.velocity;
         // Without a key the landscape glides out, whether keys or a throw set it moving.
-        velocity.level +=
-            (level - velocity.level) * if level == DVec2::ZERO { glide } else { response };
+        velocity.level += (level - velocity.level) * if level == DVec2::ZERO { glide } else { response };
         velocity.up += (keys.axis(Key::Up, Key::Down) * speed - velocity.up) * response;
         let turn = TURN_DEGREES_PER_SECOND;
         velocity.turn += (keys.axis(Key::TurnRight, Key::TurnLeft) * turn - velocity.turn) * response;
@@ -345,8 +346,7 @@ impl Controls {
             let metres = velocity.level * seconds;
             self.camera = pose::advanced(&self.camera, metres.x, metres.y);
         }
-        self.camera.height =
-            (self.camera.height + velocity.up * seconds).min(pose::GREATEST_HEIGHT_METRES);
+        self.camera.height = (self.camera.height + velocity.up * seconds).min(pose::GREATEST_HEIGHT_METRES);
         if velocity.turn != 0.0 || velocity.tilt != 0.0 {
             self.camera = pose::looked(&self.camera, velocity.turn * seconds, velocity.tilt * seconds);
         }

@@ -121,8 +121,10 @@ mod tests {
     #[test]
     fn apart_comes_nearer() {
         let mut pinch = Pinch::new(DVec2::new(100.0, 100.0), DVec2::new(200.0, 100.0), None);
-        let factor: f64 =
-            drag(&mut pinch, (50.0, 100.0), (250.0, 100.0)).iter().map(|change| change.distance_factor).product();
+        let factor: f64 = drag(&mut pinch, (50.0, 100.0), (250.0, 100.0))
+            .iter()
+            .map(|change| change.distance_factor)
+            .product();
         assert!((0.5..0.62).contains(&factor), "{factor}");
         assert!(!pinch.tilts());
     }

@@ -1,0 +1,98 @@
+//! What is gone when a device is lost: graphics, engine, and the requests under way.
+
+use super::failure::Failure;
+use super::graphics::Graphics;
+use crate::controls::Ground;
+use crate::engine::{DEFAULT_SHADOW_STEPS, Engine, EngineError, EngineOptions, FrameReport, ViewRequest};
+use crate::stream::StreamOptions;
+use crate::stream::requests::RequestId;
+use std::collections::HashMap;
+use treeline_core::camera::GeographicCamera;
+use treeline_core::scene::SceneDescription;
+use web_sys::AbortController;
+
+/// Slots where pixels come from the processor: less memory, and a picture of fewer pixels needs fewer.
+const SOFTWARE_SLOTS: (u32, u32) = (64, 96);
+
+/// A device with an engine on it.
+pub struct Session {
+    /// Device and surface.
+    pub graphics: Graphics,
+    /// The engine.
+    pub engine: Engine,
+    /// Requests under way.
+    pub fetches: HashMap<RequestId, AbortController>,
+    /// Tells this session's answers from an earlier one's.
+    pub number: u32,
+}
+
+impl Session {
+    /// An engine for a scene on the canvas's device.
+    pub fn new(graphics: Graphics, scene: &SceneDescription, number: u32) -> Result<Self, Failure> {
+        let mut options = EngineOptions::default();
+        if graphics.is_software() {
+            let (elevation_slots, texture_slots) = SOFTWARE_SLOTS;
+            // Fading in would be ten more frames, each of them slow.
+            options.stream =
+                StreamOptions { elevation_slots, texture_slots, fade_seconds: 0.0, ..options.stream };
+        }
+        let engine = Engine::new(graphics.context.clone(), scene.clone(), options).map_err(|error| {
+            let kind = if matches!(error, EngineError::Stream(_)) { "empty-scene" } else { "failed" };
+            Failure::new(kind, error.to_string())
+        })?;
+        Ok(Self { graphics, engine, fetches: HashMap::new(), number })
+    }
+
+    /// Frames that may be under way on the GPU: `requestAnimationFrame` gives no back-pressure.
+    pub fn frames_in_flight(&self) -> u32 {
+        if self.graphics.is_software() { 1 } else { 2 }
+    }
+
+    /// One step; draws into the canvas where there is something new to draw. Gives the report, and
+    /// whether another step has something to do at once.
+    pub fn step(
+        &mut self,
+        now: f64,
+        camera: GeographicCamera,
+        size: (u32, u32),
+        sun_unix_seconds: Option<f64>,
+    ) -> (FrameReport, bool) {
+        if self.graphics.resize(size.0, size.1) {
+            self.engine.invalidate();
+        }
+        let request = ViewRequest {
+            camera,
+            width: size.0,
+            height: size.1,
+            sun_unix_seconds,
+            shadow_steps: DEFAULT_SHADOW_STEPS,
+        };
+        let picture = if self.engine.wants_frame(&request) { self.graphics.next() } else { None };
+        let target = picture.as_ref().map(super::graphics::Picture::target);
+        let report = self.engine.step(now, &request, target.as_ref());
+        if let Some(picture) = picture {
+            picture.present(&self.graphics);
+        }
+        (report, self.engine.wants_step(&request))
+    }
+
+    /// Aborts what is under way.
+    pub fn abort(&mut self) {
+        for (_, controller) in self.fetches.drain() {
+            controller.abort();
+        }
+    }
+}
+
+/// The engine's landscape, as the controls ask for it.
+pub struct EngineGround<'a>(pub &'a Engine);
+
+impl Ground for EngineGround<'_> {
+    fn height(&self, longitude: f64, latitude: f64) -> Option<f64> {
+        self.0.ground_height(longitude, latitude)
+    }
+
+    fn greatest_height(&self) -> f64 {
+        self.0.scene().maximum_height
+    }
+}
