@@ -2,12 +2,14 @@
 
 pub mod cache;
 pub mod cli;
+pub mod commands;
 pub mod config;
 pub mod default_camera;
 pub mod digest;
 pub mod http;
 pub mod limits;
 pub mod metrics;
+pub mod opening;
 pub mod recipe;
 pub mod revision;
 pub mod scene;

@@ -1,2 +1,46 @@
-//! See the crate description.
-fn main() {}
+//! `treeline`: the program.
+
+use clap::Parser as _;
+use std::io::Write as _;
+use std::process::ExitCode;
+use treeline_server::cli::{Cli, Command, one_line};
+use treeline_server::commands;
+
+/// Exit code of `check` where something is wrong with a scene.
+const WRONG_SCENE: u8 = 1;
+/// Exit code of everything else that the caller can mend.
+const WRONG_USE: u8 = 2;
+
+fn main() -> ExitCode {
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) if error.use_stderr() => {
+            let program = std::env::args().nth(1).filter(|word| ["serve", "check", "seed"].contains(&word.as_str()));
+            let program = program.map_or("treeline".to_owned(), |command| format!("treeline {command}"));
+            return complain(&one_line(&error, &program), WRONG_USE);
+        }
+        // --help and --version.
+        Err(text) => {
+            let _ = text.print();
+            return ExitCode::SUCCESS;
+        }
+    };
+    let filter = tracing_subscriber::EnvFilter::try_from_env("TREELINE_LOG")
+        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new("warn"));
+    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
+    let (result, code) = match &cli.command {
+        Command::Serve(arguments) => (commands::serve(arguments), WRONG_USE),
+        Command::Check(arguments) => (commands::check(arguments), WRONG_SCENE),
+        Command::Seed(arguments) => (commands::seed(arguments), WRONG_USE),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => complain(&error.to_string(), code),
+    }
+}
+
+/// One line on standard error.
+fn complain(line: &str, code: u8) -> ExitCode {
+    let _ = writeln!(std::io::stderr(), "treeline: {line}");
+    ExitCode::from(code)
+}

@@ -1,0 +1,39 @@
+//! `treeline check`.
+
+use crate::cli::ServeArguments;
+use crate::http;
+use crate::opening::{Opened, built_in, open_file};
+use crate::state::App;
+use crate::user_error::UserError;
+use std::io::Write as _;
+use std::sync::Arc;
+
+/// Opens everything that `serve` would, and prints what it is.
+pub fn check(arguments: &ServeArguments) -> Result<(), UserError> {
+    let config = super::config(arguments)?;
+    let Opened { scene, facts } = match arguments.scene.scene_file()? {
+        Some(file) => open_file(&file)?,
+        None => Opened { scene: built_in()?, facts: vec![("scene", "built-in, made on demand; no files".to_owned())] },
+    };
+    let (low, high) = scene.height.range();
+    let mut lines: Vec<String> = facts.iter().map(|(role, text)| format!("{role}: {text}")).collect();
+    lines.push(format!("scene: {}", scene.name));
+    lines.push(format!("  heights     {low:.1} … {high:.1} m"));
+    let cover = match (&scene.cover, facts.iter().any(|(role, _)| matches!(*role, "land cover" | "canopy height" | "topographic map"))) {
+        (None, _) => "none: nothing says where trees are",
+        (Some(_), true) => "from the sources above",
+        (Some(_), false) if facts.iter().any(|(role, _)| *role == "photo") => "by a rule on the photo",
+        (Some(_), false) => "made with the landscape",
+    };
+    lines.push(format!("  forest      {cover}"));
+    for row in http::layers(&scene) {
+        let bounds = http::extent(&scene, row.layer).bounds;
+        let deepest = http::maximum_level(&scene, row.layer);
+        let coarsest = http::minimum_level(&bounds).min(deepest);
+        lines.push(format!("  layer       {}: levels {coarsest} to {deepest}", row.name));
+    }
+    // Last, what only the server itself finds out: folders, threads, addresses.
+    App::new(Arc::new(scene), &config)?;
+    let _ = writeln!(std::io::stdout(), "{}", lines.join("\n"));
+    Ok(())
+}

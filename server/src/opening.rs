@@ -1,0 +1,255 @@
+//! From flags and `scene.toml` to an open scene.
+
+use crate::cli::SceneArguments;
+use crate::default_camera::default_camera;
+use crate::revision::revision;
+use crate::scene::Scene;
+use crate::scene_file::{LandCoverSource, SceneFile, species_named};
+use crate::source::open::{
+    HeightOptions, SourceOptions, open_canopy_height, open_colour, open_height, open_land_cover,
+    open_topographic_map, photo_cover,
+};
+use crate::source::raster_cover::LayeredCover;
+use crate::source::raster_height::RasterHeight;
+use crate::source::{ColourField, Cover, CoverField, FieldExtent, HeightField, procedural};
+use crate::user_error::UserError;
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+use treeline_core::codec::elevation::CANOPY_QUANTUM_METRES;
+use treeline_core::seeds::Species;
+use treeline_core::tile::GeographicBox;
+
+/// Where the sun stands where nobody says: a summer morning, so that slopes have shape.
+pub const DEFAULT_SUN_TIME: &str = "2026-07-15T08:00:00Z";
+
+/// The seed of the forest where nobody says.
+const DEFAULT_SEED: u32 = 1;
+
+/// Opens the scene that the flags describe; without any, the built-in one.
+pub fn open(arguments: &SceneArguments) -> Result<Scene, UserError> {
+    match arguments.scene_file()? {
+        Some(file) => Ok(open_file(&file)?.scene),
+        None => built_in(),
+    }
+}
+
+/// The built-in landscape.
+pub fn built_in() -> Result<Scene, UserError> {
+    let defaults = procedural::scene_defaults();
+    Ok(Scene {
+        name: defaults.name,
+        revision: revision(None)?,
+        height: Arc::new(procedural::height()),
+        colour: Some(Arc::new(procedural::colour())),
+        cover: Some(Arc::new(procedural::cover())),
+        species: Species::built_in(),
+        seed: defaults.seed,
+        attribution: defaults.attribution,
+        sun_time: defaults.sun_time,
+        camera: defaults.camera,
+        places: defaults.places,
+    })
+}
+
+/// A scene from files, and what is to be said about each of them.
+pub struct Opened {
+    /// The scene.
+    pub scene: Scene,
+    /// What each source is for, and its description of several lines.
+    pub facts: Vec<(&'static str, String)>,
+}
+
+/// Opens every source of a scene file, and fills in what it leaves open.
+pub fn open_file(file: &SceneFile) -> Result<Opened, UserError> {
+    file.check().map_err(UserError::new)?;
+    let dem = file.dem.as_ref().ok_or_else(|| UserError::new("a scene needs terrain; add --dem FILE"))?;
+    let species = file.species_table().map_err(UserError::new)?;
+    let mut facts = Vec::new();
+
+    let height = open_height(
+        &dem.path,
+        &HeightOptions {
+            source: options(&dem.crs, dem.nodata),
+            vertical_scale: dem.vertical_scale,
+            vertical_offset: dem.vertical_offset,
+        },
+    )?;
+    facts.push(("terrain", height.describe().to_string()));
+    let place = Place { path: &dem.path, extent: height.extent() };
+
+    let mut colour: Option<Arc<dyn ColourField>> = None;
+    if let Some(photo) = &file.photo {
+        let opened = open_colour(&photo.path, &options(&photo.crs, photo.nodata))?;
+        place.check_touches(&photo.path, opened.extent())?;
+        facts.push(("photo", opened.describe().to_string()));
+        colour = Some(opened);
+    }
+    let cover = open_cover(file, &species, &place, colour.as_ref(), &height, &mut facts)?;
+    let scene = Scene {
+        name: file.name.clone().unwrap_or_else(|| name_of(&dem.path)),
+        revision: revision(Some(file))?,
+        colour,
+        cover,
+        species,
+        seed: file.seed.unwrap_or(DEFAULT_SEED),
+        attribution: attribution(file),
+        sun_time: file.sun.as_ref().map_or(DEFAULT_SUN_TIME.to_owned(), |sun| sun.time.clone()),
+        camera: match file.camera {
+            Some(camera) => camera,
+            None => default_camera(height.as_ref())?,
+        },
+        places: file.places.clone(),
+        height,
+    };
+    Ok(Opened { scene, facts })
+}
+
+/// Where the terrain is: other sources must touch it.
+struct Place<'a> {
+    path: &'a Path,
+    extent: &'a FieldExtent,
+}
+
+impl Place<'_> {
+    fn check_touches(&self, path: &Path, extent: &FieldExtent) -> Result<(), UserError> {
+        let (here, there) = (&self.extent.bounds, &extent.bounds);
+        if here.intersects(there) {
+            return Ok(());
+        }
+        let text = |bounds: &GeographicBox| {
+            format!("{:.4} to {:.4}° E, {:.4} to {:.4}° N", bounds.west, bounds.east, bounds.south, bounds.north)
+        };
+        Err(UserError::new(format!(
+            "{}: it lies at {}, away from the terrain {} at {}; check which files belong together and their CRSs (crs = \"EPSG:N\" in scene.toml overrides a file's)",
+            path.display(),
+            text(there),
+            self.path.display(),
+            text(here)
+        )))
+    }
+}
+
+/// What grows, by the best source that there is: classes or a tinted map, with measured canopy
+/// heights over them; else the photo by a rule; else nothing.
+fn open_cover(
+    file: &SceneFile,
+    species: &[Species],
+    place: &Place<'_>,
+    colour: Option<&Arc<dyn ColourField>>,
+    height: &Arc<RasterHeight>,
+    facts: &mut Vec<(&'static str, String)>,
+) -> Result<Option<Arc<dyn CoverField>>, UserError> {
+    let mut classes: Option<Arc<dyn CoverField>> = None;
+    if let Some(map) = &file.topographic_map {
+        let options = options(&map.crs, None);
+        let opened = open_topographic_map(&map.path, &options, species)?;
+        place.check_touches(&map.path, opened.extent())?;
+        facts.push(("topographic map", open_colour(&map.path, &options)?.describe().to_string()));
+        classes = Some(opened);
+    }
+    if let Some(source) = &file.land_cover {
+        let table = class_table(source, species)?;
+        let opened = open_land_cover(&source.path, &options(&source.crs, source.nodata), &table, species)?;
+        place.check_touches(&source.path, opened.extent())?;
+        let description = format!("{}\n  classes     {}", opened.source().describe(), opened.table_name());
+        facts.push(("land cover", description));
+        classes = Some(opened);
+    }
+    let below = classes.or_else(|| {
+        colour.map(|colour| photo_cover(colour.clone(), height.clone() as Arc<dyn HeightField>, species))
+    });
+    let Some(source) = &file.canopy_height else { return Ok(below) };
+    let canopy =
+        open_canopy_height(&source.path, &options(&source.crs, source.nodata), source.scale, species)?;
+    place.check_touches(&source.path, canopy.extent())?;
+    facts.push(("canopy height", canopy.source().describe().to_string()));
+    Ok(Some(match below {
+        Some(below) => Arc::new(LayeredCover::new(below, canopy)),
+        None => canopy,
+    }))
+}
+
+fn options(crs: &Option<String>, nodata: Option<f64>) -> SourceOptions {
+    SourceOptions { assume_crs: crs.clone(), nodata }
+}
+
+/// The class table of a scene file as cover by value; empty where it gives none.
+fn class_table(source: &LandCoverSource, species: &[Species]) -> Result<BTreeMap<i64, Cover>, UserError> {
+    let wrong = |value: &str, error: String| UserError::new(format!("land_cover.classes.{value}.{error}"));
+    source
+        .classes
+        .iter()
+        .map(|(value, class)| {
+            let number = value.parse().map_err(|_| wrong(value, "it is no whole number".to_owned()))?;
+            let code = match &class.species {
+                Some(name) => species_named(species, name).map_err(|error| wrong(value, error))?.code,
+                None => 0,
+            };
+            let closure = class.closure.unwrap_or(if code == 0 { 0.0 } else { 1.0 });
+            let cover = Cover {
+                species: code,
+                closure: (255.0 * closure).round() as u8,
+                height: (class.height.unwrap_or(0.0) / f64::from(CANOPY_QUANTUM_METRES)).round() as u8,
+                surface: class.surface.unwrap_or_default() as u8,
+            };
+            Ok((number, cover))
+        })
+        .collect()
+}
+
+/// What the sources and the scene say, each line once.
+fn attribution(file: &SceneFile) -> Vec<String> {
+    let sources = [
+        file.dem.as_ref().and_then(|source| source.attribution.as_ref()),
+        file.photo.as_ref().and_then(|source| source.attribution.as_ref()),
+        file.land_cover.as_ref().and_then(|source| source.attribution.as_ref()),
+        file.canopy_height.as_ref().and_then(|source| source.attribution.as_ref()),
+        file.topographic_map.as_ref().and_then(|source| source.attribution.as_ref()),
+    ];
+    let mut lines: Vec<String> = Vec::new();
+    for line in sources.into_iter().flatten().chain(&file.attribution) {
+        if !lines.contains(line) {
+            lines.push(line.clone());
+        }
+    }
+    lines
+}
+
+fn name_of(path: &Path) -> String {
+    path.file_stem().map_or_else(|| "Scene".to_owned(), |name| name.to_string_lossy().into_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene_file::ClassSetting;
+
+    #[test]
+    fn classes_become_cover() {
+        let species = Species::built_in();
+        let class = |text: &str| toml::from_str::<ClassSetting>(text).unwrap();
+        let source = LandCoverSource {
+            classes: [
+                ("41".to_owned(), class("species = 'beech'\nclosure = 0.5\nheight = 20")),
+                ("42".to_owned(), class("species = 'Norway spruce'")),
+                ("-3".to_owned(), class("surface = 'water'")),
+            ]
+            .into(),
+            ..LandCoverSource::default()
+        };
+        let table = class_table(&source, &species).unwrap();
+        assert_eq!(table[&41], Cover { species: 2, closure: 128, height: 80, surface: 0 });
+        assert_eq!(table[&42], Cover { species: 1, closure: 255, height: 0, surface: 0 });
+        assert_eq!(table[&-3], Cover { species: 0, closure: 0, height: 0, surface: 2 });
+    }
+
+    #[test]
+    fn attributions_once_each() {
+        let file: SceneFile = toml::from_str(
+            "attribution = ['c', 'a']\n[dem]\npath = 'd'\nattribution = 'a'\n[photo]\npath = 'p'\nattribution = 'b'",
+        )
+        .unwrap();
+        assert_eq!(attribution(&file), ["a", "b", "c"]);
+    }
+}
