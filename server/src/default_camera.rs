@@ -89,8 +89,8 @@ pub fn default_camera(field: &dyn HeightField) -> Result<GeographicCamera, Sourc
     let relief = peak.2 - lowest;
     // Near enough that the relief fills a good part of the picture, far enough to see it as a whole.
     let distance = (4.0 * relief).clamp(0.2 * span, 0.42 * span).max(20.0);
-    // The peak draws the eye, but the picture is of the whole: a third of the way to the middle.
-    let target = (peak.0 * 0.67, peak.1 * 0.67, lowest + 0.45 * relief);
+    // The peak draws the eye, but the picture is of the whole: half way to the middle.
+    let target = (peak.0 * 0.5, peak.1 * 0.5, lowest + 0.45 * relief);
     let best = HEADINGS
         .iter()
         .map(|&heading| (heading, score(&look, target, distance, heading)))
@@ -121,7 +121,7 @@ fn score(look: &Look, target: (f64, f64, f64), distance: f64, heading: f64) -> f
             ahead > 0.2 * distance && aside.abs() < ahead * HALF_FIELD_DEGREES.to_radians().tan()
         })
         .count();
-    seen as f64 / f64::from(SIDE * SIDE) - heading.abs() * 0.0015
+    seen as f64 / f64::from(SIDE * SIDE) - heading.abs() * 0.004
 }
 
 #[cfg(test)]
