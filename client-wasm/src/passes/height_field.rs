@@ -92,7 +92,8 @@ pub fn render_height_field(
     let scope = device.push_error_scope(wgpu::ErrorFilter::Validation);
     let memory = device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
     let drawn = draw(device, queue, &prepared, options);
-    for error in [pollster::block_on(memory.pop()), pollster::block_on(scope.pop())].into_iter().flatten() {
+    let errors = [pollster::block_on(memory.pop()), pollster::block_on(scope.pop())];
+    if let Some(error) = errors.into_iter().flatten().next() {
         let text = error.to_string();
         return Err(HeightFieldError::Gpu(text.lines().map(str::trim).collect::<Vec<_>>().join(" ")));
     }

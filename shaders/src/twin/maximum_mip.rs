@@ -90,7 +90,7 @@ mod tests {
             let (width, height) = (columns + 1 + 2 * border, rows + 1 + 2 * border);
             let value = |index: u32| {
                 let x = (index + seed).wrapping_mul(2_654_435_761) >> 8;
-                if x % 11 == 0 { VOID_HEIGHT } else { (x % 1000) as f32 }
+                if x.is_multiple_of(11) { VOID_HEIGHT } else { (x % 1000) as f32 }
             };
             let heights: Vec<f32> = (0..width * height).map(value).collect();
             let pyramid = Pyramid::new(&heights, width, height, border, minimum);
