@@ -137,7 +137,7 @@ impl LatticeWindow {
     /// The tile and border that this window is exactly, if any.
     pub fn as_tile(&self) -> Option<(TileAddress, u32)> {
         let core = CELLS + u32::from(self.registration == Registration::Node);
-        if self.width != self.height || self.width < core || (self.width - core) % 2 != 0 {
+        if self.width != self.height || self.width < core || !(self.width - core).is_multiple_of(2) {
             return None;
         }
         let border = (self.width - core) / 2;

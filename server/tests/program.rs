@@ -102,7 +102,10 @@ fn it_says_where_it_listens_and_stops_when_told() {
     for signal in ["-TERM", "-INT"] {
         let (mut child, address) = serve(&[]);
         let scene = get(&address, "/scene.json");
-        assert!(scene.starts_with("HTTP/1.1 200 OK") && scene.contains(&format!("http://{address}/wms?")), "{scene}");
+        assert!(
+            scene.starts_with("HTTP/1.1 200 OK") && scene.contains(&format!("http://{address}/wms?")),
+            "{scene}"
+        );
         let (code, _, stderr) = run(&["serve", "--listen", &address]);
         assert_eq!((code, stderr.lines().count()), (Some(2), 1));
         assert!(stderr.contains("another program listens there"), "{stderr}");
@@ -116,7 +119,17 @@ fn seed_fills_the_folder_and_resumes() {
     let folder = tempfile::tempdir().unwrap();
     let cache = folder.path().to_str().unwrap();
     // A corner of the built-in landscape; the box may be written with negative numbers.
-    let arguments = ["seed", "--cache", cache, "--bbox", "-20,40,20,50", "--levels", "6..7", "--layers", "elevation,texture"];
+    let arguments = [
+        "seed",
+        "--cache",
+        cache,
+        "--bbox",
+        "-20,40,20,50",
+        "--levels",
+        "6..7",
+        "--layers",
+        "elevation,texture",
+    ];
     let (code, first, stderr) = run(&arguments);
     assert_eq!(code, Some(0), "{stderr}");
     let count = |text: &str| -> (u64, u64) {
@@ -134,6 +147,36 @@ fn tiles_below(folder: &Path) -> u64 {
     std::fs::read_dir(folder)
         .unwrap()
         .map(|entry| entry.unwrap().path())
-        .map(|path| if path.is_dir() { tiles_below(&path) } else { u64::from(path.extension().is_some_and(|e| e == "tile")) })
+        .map(|path| {
+            if path.is_dir() {
+                tiles_below(&path)
+            } else {
+                u64::from(path.extension().is_some_and(|e| e == "tile"))
+            }
+        })
         .sum()
+}
+
+#[test]
+fn the_example_files_are_understood() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docker");
+    let read = |name: &str| std::fs::read_to_string(folder.join(name)).unwrap();
+    let config = read("treeline.toml");
+    treeline_server::toml_file::parse::<treeline_server::config::Config>(&config, "treeline.toml").unwrap();
+    // What is commented out is there to be used: with the marks taken off it must be understood as well.
+    let is_key = |line: &str| {
+        line.starts_with('[')
+            || line.split('=').next().is_some_and(|key| {
+                line.contains('=')
+                    && key.trim().chars().all(|c| c.is_ascii_alphanumeric() || "_.".contains(c))
+            })
+    };
+    let scene: String = read("scene.toml")
+        .lines()
+        .map(|line| line.strip_prefix("# ").filter(|rest| is_key(rest)).unwrap_or(line).to_owned() + "\n")
+        .collect();
+    let scene: treeline_server::scene_file::SceneFile =
+        treeline_server::toml_file::parse(&scene, "scene.toml").unwrap();
+    scene.check().unwrap();
+    assert!(scene.land_cover.is_some() && scene.camera.is_some() && scene.sun.is_some());
 }
