@@ -27,7 +27,7 @@ const VIEWS: [(&str, f64, f64, f64, f64, f64); 6] = [
     ("North ridge", 10.925, 47.02, 3600.0, 100.0, -12.0),
     ("Main valley", 11.13, 46.92, 1500.0, 300.0, -5.0),
     ("Tree line", 10.95, 46.95, 2250.0, 330.0, -8.0),
-    ("Whole massif", 10.986, 46.60, 14000.0, 0.0, -24.0),
+    ("Whole massif", 10.986, 46.70, 9000.0, 0.0, -18.0),
 ];
 
 /// The built-in scene's name, views and light.

@@ -5,6 +5,7 @@
 //! same order in whatever window it is computed, so its bits are the same.
 
 use super::gullies::{self, OCTAVES, Phases};
+use super::lanes::{LANES, Lanes};
 use super::massif::{CELL, Massif, ORIGIN, SIDE};
 use super::noise_tile::{Layout, Noise, NoiseTile, spline_slopes, spline_weights};
 use super::random::{mix, smoothstep};
@@ -77,7 +78,6 @@ struct Column {
     fraction: f32,
     weights: [f32; 4],
     slopes: [f32; 4],
-    gullies: [[u32; 2]; 3],
     fine: [u32; 2],
     middle: [u32; 2],
     broad: [u32; 2],
@@ -114,6 +114,17 @@ pub(super) struct Ground {
     pub broad: Noise,
 }
 
+/// One row's relief before roughness.
+#[derive(Default)]
+struct Shape {
+    relief: Vec<f32>,
+    dx: Vec<f32>,
+    dy: Vec<f32>,
+    rib: Vec<f32>,
+    /// How strongly gullies cut, 0…1; 0 in the padding.
+    strength: Vec<f32>,
+}
+
 /// Evaluates rows of the ground over fixed columns.
 pub(super) struct Survey<'a> {
     land: &'a Landscape,
@@ -124,6 +135,12 @@ pub(super) struct Survey<'a> {
     shares: [f32; 3],
     mips: [usize; 3],
     with_broad: bool,
+    /// Lattice coordinates of the gully octaves: u and v of every column, padded to whole lanes.
+    gullies: [[Vec<u32>; 2]; 3],
+    /// The broad shape and gullies of the current row, padded to whole lanes.
+    shape: Shape,
+    /// Noise of the current row.
+    middle: Vec<Noise>,
     /// Vertical sums over the span: height, slope northward, stream, hollow, lake.
     lines: [Vec<f32>; 5],
 }
@@ -142,7 +159,6 @@ impl<'a> Survey<'a> {
                     fraction,
                     weights: spline_weights(fraction),
                     slopes: spline_slopes(fraction).map(|w| w * (1.0 / CELL)),
-                    gullies: OCTAVES.map(|octave| octave.of_x(x)),
                     fine: FINE.of_x(x),
                     middle: MIDDLE.of_x(x),
                     broad: BROAD.of_x(x),
@@ -151,8 +167,20 @@ impl<'a> Survey<'a> {
             .collect();
         let first = columns.iter().map(|c| c.cell).min().unwrap_or(1) - 1;
         let last = columns.iter().map(|c| c.cell).max().unwrap_or(1) + 2;
+        let padded = columns.len().next_multiple_of(LANES);
+        let line = || vec![0.0; padded];
+        let gullies = OCTAVES.map(|octave| {
+            let places: Vec<[u32; 2]> = x.iter().map(|&x| octave.of_x(x)).collect();
+            [0, 1].map(|axis| {
+                let along = places.iter().map(|place| place[axis]);
+                along.chain(std::iter::repeat(0)).take(padded).collect()
+            })
+        });
         Self {
             land,
+            gullies,
+            shape: Shape { relief: line(), dx: line(), dy: line(), rib: line(), strength: line() },
+            middle: vec![Noise::default(); columns.len()],
             columns,
             span: (first, last),
             shares: OCTAVES.map(|o| 1.0 - smoothstep(0.25 * o.wavelength, 0.6 * o.wavelength, footprint)),
@@ -171,61 +199,31 @@ impl<'a> Survey<'a> {
     pub(super) fn row(&mut self, y: f64, out: &mut [Ground]) {
         let (row, fraction) = cell_of(y);
         self.vertical_sums(row, fraction);
-        let gullies = OCTAVES.map(|octave| octave.of_y(y));
-        let (fine, middle, broad) = (FINE.of_y(y), MIDDLE.of_y(y), BROAD.of_y(y));
+        self.broad_shape(y);
+        self.cut_gullies(y);
+        let (fine, broad) = (FINE.of_y(y), BROAD.of_y(y));
         let massif = &self.land.massif;
-        let lake_level = massif.lake.level;
         let y = y as f32;
-        for (column, out) in self.columns.iter().zip(out.iter_mut()) {
+        for (k, (column, out)) in self.columns.iter().zip(out.iter_mut()).enumerate() {
             let at = column.cell - self.span.0;
-            let spline = |line: &[f32], w: &[f32; 4]| {
-                w[0] * line[at - 1] + w[1] * line[at] + w[2] * line[at + 1] + w[3] * line[at + 2]
-            };
             let linear = |line: &[f32]| mix(line[at], line[at + 1], column.fraction);
-            let base = spline(&self.lines[0], &column.weights);
-            let mut dx = spline(&self.lines[0], &column.slopes);
-            let mut dy = spline(&self.lines[1], &column.weights);
-            let steep = (dx * dx + dy * dy).sqrt();
-            let alpine = smoothstep(1500.0, 2500.0, base);
-            let noise = |mip: usize, a: [u32; 2], b: [u32; 2]| {
-                self.land.noise.at(mip, a[0].wrapping_add(b[0]), a[1].wrapping_add(b[1]))
-            };
-            let middle_noise = noise(self.mips[1], column.middle, middle);
-            // Some faces are furrowed deeply, others hardly.
-            let furrowed = 0.7 + 0.3 * (middle_noise.other + middle_noise.soft).clamp(-1.0, 1.0);
-            let strength = smoothstep(0.16, 0.8, steep) * (0.5 + 0.5 * alpine) * furrowed;
-            let (mut relief, mut rib) = (base, 0.0);
-            if strength > 0.0 {
-                for k in 0..OCTAVES.len() {
-                    if self.shares[k] == 0.0 {
-                        continue;
-                    }
-                    let place = &column.gullies[k];
-                    let (u, v) = (place[0].wrapping_add(gullies[k][0]), place[1].wrapping_add(gullies[k][1]));
-                    let strength = strength * self.shares[k];
-                    let wave = self.land.phases.wave(&OCTAVES[k], u, v, dx, dy, strength);
-                    relief += wave.rise;
-                    dx += wave.dx;
-                    dy += wave.dy;
-                    rib += strength * wave.value * [0.5, 0.3, 0.2][k];
-                }
-            }
             let mut ground = Ground {
                 x: column.x,
                 y,
-                dx,
-                dy,
-                rib,
+                dx: self.shape.dx[k],
+                dy: self.shape.dy[k],
+                rib: self.shape.rib[k],
                 above_stream: linear(&self.lines[2]),
                 hollow: linear(&self.lines[3]),
                 above_lake: f32::MAX,
-                fine: noise(self.mips[0], column.fine, fine),
-                middle: middle_noise,
+                fine: self.land.noise.at(self.mips[0], sum(column.fine, fine)),
+                middle: self.middle[k],
                 ..Ground::default()
             };
             if self.with_broad {
-                ground.broad = noise(self.mips[2], column.broad, broad);
+                ground.broad = self.land.noise.at(self.mips[2], sum(column.broad, broad));
             }
+            let relief = self.shape.relief[k];
             let mut height = relief + roughness(relief, &ground);
             let cell = row * SIDE + column.cell;
             if massif.rivers.touches(cell) {
@@ -235,11 +233,68 @@ impl<'a> Survey<'a> {
                 }
             }
             if linear(&self.lines[4]) > 0.5 {
-                ground.above_lake = height - lake_level;
-                height = height.max(lake_level);
+                ground.above_lake = height - massif.lake.level;
+                height = height.max(massif.lake.level);
             }
             ground.height = height;
             *out = ground;
+        }
+    }
+
+    /// The spline's height and slope, and how strongly gullies cut, along the parallel at `y`.
+    fn broad_shape(&mut self, y: f64) {
+        let middle = MIDDLE.of_y(y);
+        for (k, column) in self.columns.iter().enumerate() {
+            let at = column.cell - self.span.0;
+            let spline = |line: &[f32], w: &[f32; 4]| {
+                let p = &line[at - 1..at + 3];
+                w[0] * p[0] + w[1] * p[1] + w[2] * p[2] + w[3] * p[3]
+            };
+            let base = spline(&self.lines[0], &column.weights);
+            let dx = spline(&self.lines[0], &column.slopes);
+            let dy = spline(&self.lines[1], &column.weights);
+            let noise = self.land.noise.at(self.mips[1], sum(column.middle, middle));
+            self.middle[k] = noise;
+            let steep = (dx * dx + dy * dy).sqrt();
+            let alpine = smoothstep(1500.0, 2500.0, base);
+            // Some faces are furrowed deeply, others hardly.
+            let furrowed = 0.7 + 0.3 * (noise.other + noise.soft).clamp(-1.0, 1.0);
+            self.shape.strength[k] = smoothstep(0.16, 0.8, steep) * (0.5 + 0.5 * alpine) * furrowed;
+            self.shape.relief[k] = base;
+            self.shape.dx[k] = dx;
+            self.shape.dy[k] = dy;
+            self.shape.rib[k] = 0.0;
+        }
+    }
+
+    /// Adds the gullies along the parallel at `y`, four samples at a time.
+    fn cut_gullies(&mut self, y: f64) {
+        const RIB_WEIGHTS: [f32; 3] = [0.5, 0.3, 0.2];
+        let shape = &mut self.shape;
+        for octave in 0..OCTAVES.len() {
+            if self.shares[octave] == 0.0 {
+                continue;
+            }
+            let [row_u, row_v] = OCTAVES[octave].of_y(y);
+            let [column_u, column_v] = &self.gullies[octave];
+            for k in (0..shape.relief.len()).step_by(LANES) {
+                let strength = Lanes::from(&shape.strength[k..]) * self.shares[octave];
+                if strength == Lanes::all(0.0) {
+                    continue;
+                }
+                let place = |column: &[u32], row: u32| -> [u32; LANES] {
+                    let column = &column[k..k + LANES];
+                    std::array::from_fn(|lane| column[lane].wrapping_add(row))
+                };
+                let (dx, dy) = (Lanes::from(&shape.dx[k..]), Lanes::from(&shape.dy[k..]));
+                let at = (place(column_u, row_u), place(column_v, row_v));
+                let waves = self.land.phases.waves(&OCTAVES[octave], at, (dx, dy), strength);
+                (Lanes::from(&shape.relief[k..]) + waves.rise).store(&mut shape.relief[k..]);
+                (dx + waves.dx).store(&mut shape.dx[k..]);
+                (dy + waves.dy).store(&mut shape.dy[k..]);
+                let rib = waves.value * (strength * RIB_WEIGHTS[octave]);
+                (Lanes::from(&shape.rib[k..]) + rib).store(&mut shape.rib[k..]);
+            }
         }
     }
 
@@ -250,13 +305,14 @@ impl<'a> Survey<'a> {
         let line = |grid: &'a [f32], row: usize| &grid[row * SIDE + first..row * SIDE + last + 1];
         let weights = spline_weights(fraction);
         let slopes = spline_slopes(fraction).map(|w| w * (1.0 / CELL));
-        let h: [&[f32]; 4] = std::array::from_fn(|k| line(&massif.heights, row + k - 1));
-        for i in 0..=last - first {
-            let p = [h[0][i], h[1][i], h[2][i], h[3][i]];
-            let sum = |w: &[f32; 4]| w[0] * p[0] + w[1] * p[1] + w[2] * p[2] + w[3] * p[3];
-            self.lines[0][i] = sum(&weights);
-            self.lines[1][i] = sum(&slopes);
-        }
+        let [a, b, c, d]: [&[f32]; 4] = std::array::from_fn(|k| line(&massif.heights, row + k - 1));
+        let weighted = |w: &[f32; 4], out: &mut [f32]| {
+            for ((out, (a, b)), (c, d)) in out.iter_mut().zip(a.iter().zip(b)).zip(c.iter().zip(d)) {
+                *out = w[0] * a + w[1] * b + w[2] * c + w[3] * d;
+            }
+        };
+        weighted(&weights, &mut self.lines[0]);
+        weighted(&slopes, &mut self.lines[1]);
         let grids = [&massif.above_stream, &massif.hollow, &massif.lake.mask];
         for (grid, out) in grids.into_iter().zip(&mut self.lines[2..]) {
             let (a, b) = (line(grid, row), line(grid, row + 1));
@@ -265,6 +321,12 @@ impl<'a> Survey<'a> {
             }
         }
     }
+}
+
+/// Fixed-point coordinates of a place from those of its column and its row.
+#[inline(always)]
+fn sum(column: [u32; 2], row: [u32; 2]) -> [u32; 2] {
+    [column[0].wrapping_add(row[0]), column[1].wrapping_add(row[1])]
 }
 
 /// Height that roughness adds, metres: ledges and blocks on rock, hummocks on grass, next to nothing

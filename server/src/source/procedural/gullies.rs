@@ -4,7 +4,8 @@
 //! are ribs, its troughs gullies. Each octave follows the slope that the coarser ones have made, so
 //! that small gullies join larger ones, as running water would have it.
 
-use super::random::{hash, mix, unit};
+use super::lanes::{LANES, Lanes};
+use super::random::{hash, unit};
 
 /// Lattice cells in one turn of the 32-bit fixed-point coordinates.
 const TURN_CELLS: f64 = 1024.0;
@@ -65,32 +66,32 @@ fn fixed(value: f64) -> u32 {
 /// Random phases, in turns.
 pub(super) struct Phases(Vec<f32>);
 
-/// What an octave does at a place.
+/// What an octave does at four places.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Wave {
+pub(super) struct Waves {
     /// −1 in a gully … 1 on a rib.
-    pub value: f32,
+    pub value: Lanes,
     /// Height that it adds, metres.
-    pub rise: f32,
+    pub rise: Lanes,
     /// Slope that it adds, eastward.
-    pub dx: f32,
+    pub dx: Lanes,
     /// Slope that it adds, northward.
-    pub dy: f32,
+    pub dy: Lanes,
 }
 
 /// Sine of a number of turns within ±¾, to a thousandth (two parabolas): arithmetic alone, so that it
 /// is the same on every machine and several are computed at once.
 #[inline(always)]
-fn sine_of_turns(turns: f32) -> f32 {
-    let y = turns * (8.0 - 16.0 * turns.abs());
-    0.225 * (y * y.abs() - y) + y
+fn sine_of_turns(turns: Lanes) -> Lanes {
+    let y = turns * (Lanes::all(8.0) - turns.abs() * 16.0);
+    (y * y.abs() - y) * 0.225 + y
 }
 
 /// Fraction of a turn in −½…½. Adding and taking away 1.5·2²³ rounds to the nearest whole number.
 #[inline(always)]
-fn wrapped(turns: f32) -> f32 {
+fn wrapped(turns: Lanes) -> Lanes {
     const ROUND: f32 = 12_582_912.0;
-    turns - ((turns + ROUND) - ROUND)
+    turns - ((turns + ROUND) + -ROUND)
 }
 
 impl Phases {
@@ -100,46 +101,59 @@ impl Phases {
         Self((0..side * side).map(|i| unit(hash(i % side, i / side, seed))).collect())
     }
 
-    /// The wave of an octave at lattice coordinates (u, v), where the ground slopes by (dx, dy).
-    /// `strength` (0…1) scales the amplitude.
+    /// The waves of an octave at four places: lattice coordinates `u`, `v`, where the ground slopes by
+    /// (dx, dy). `strength` (0…1) scales the amplitude.
     #[inline(always)]
-    pub(super) fn wave(&self, octave: &Octave, u: u32, v: u32, dx: f32, dy: f32, strength: f32) -> Wave {
+    pub(super) fn waves(
+        &self,
+        octave: &Octave,
+        (u, v): ([u32; LANES], [u32; LANES]),
+        (dx, dy): (Lanes, Lanes),
+        strength: Lanes,
+    ) -> Waves {
         let scale = 1.0 / (1 << FRACTION_BITS) as f32;
         let mask = (1_u32 << FRACTION_BITS) - 1;
-        let (i, j) = (u >> FRACTION_BITS, v >> FRACTION_BITS);
-        let (fu, fv) = ((u & mask) as f32 * scale, (v & mask) as f32 * scale);
+        // Through i32, which every vector unit converts.
+        let fraction = |a: [u32; LANES]| Lanes(a.map(|a| (a & mask) as i32 as f32 * scale));
+        let (fu, fv) = (fraction(u), fraction(v));
         // Across the fall line, in the lattice's axes.
-        let inverse = 1.0 / (dx * dx + dy * dy + 1e-6).sqrt();
-        let (ax, ay) = (-dy * inverse, dx * inverse);
+        let inverse = (dx * dx + dy * dy + 1e-6).sqrt().divide(1.0);
+        let (ax, ay) = (dy * inverse * -1.0, dx * inverse);
         let (cosine, sine) = (octave.cosine as f32, octave.sine as f32);
-        let (au, av) = (cosine * ax + sine * ay, cosine * ay - sine * ax);
-        let (wu, wv) = (fu * fu * (3.0 - 2.0 * fu), fv * fv * (3.0 - 2.0 * fv));
-        let base = CELL_WAVES * (au * fu + av * fv);
-        let (mut real, mut imaginary) = (0.0, 0.0);
-        for (di, dj, weight) in [
-            (0_u32, 0_u32, (1.0 - wu) * (1.0 - wv)),
-            (1, 0, wu * (1.0 - wv)),
-            (0, 1, (1.0 - wu) * wv),
-            (1, 1, wu * wv),
+        let (au, av) = (ax * cosine + ay * sine, ay * cosine - ax * sine);
+        let smooth = |f: Lanes| f * f * (f * -2.0 + 3.0);
+        let (wu, wv) = (smooth(fu), smooth(fv));
+        let (nu, nv) = (wu * -1.0 + 1.0, wv * -1.0 + 1.0);
+        let base = (au * fu + av * fv) * CELL_WAVES;
+        let (right, up) = (au * CELL_WAVES, av * CELL_WAVES);
+        let side_mask = (1_u32 << TABLE_BITS) - 1;
+        let phase = |di: u32, dj: u32| {
+            Lanes(std::array::from_fn(|k| {
+                let column = ((u[k] >> FRACTION_BITS) + di) & side_mask;
+                let row = ((v[k] >> FRACTION_BITS) + dj) & side_mask;
+                self.0[((row << TABLE_BITS) | column) as usize]
+            }))
+        };
+        let (mut real, mut imaginary) = (Lanes::all(0.0), Lanes::all(0.0));
+        for (turns, weight) in [
+            (base + phase(0, 0), nu * nv),
+            (base - right + phase(1, 0), wu * nv),
+            (base - up + phase(0, 1), nu * wv),
+            (base - right - up + phase(1, 1), wu * wv),
         ] {
-            let side_mask = (1_u32 << TABLE_BITS) - 1;
-            let at = ((((j + dj) & side_mask) << TABLE_BITS) | ((i + di) & side_mask)) as usize;
-            let corner = CELL_WAVES * (au * di as f32 + av * dj as f32);
-            let turns = base - corner + self.0[at];
-            real += weight * sine_of_turns(wrapped(turns + 0.25));
-            imaginary += weight * sine_of_turns(wrapped(turns));
+            real = real + weight * sine_of_turns(wrapped(turns + 0.25));
+            imaginary = imaginary + weight * sine_of_turns(wrapped(turns));
         }
         // Where neighbours' phases cancel, the wave is brought back to nearly its full height.
-        let inverse = 1.0 / (real * real + imaginary * imaginary + 0.06).sqrt();
+        let inverse = (real * real + imaginary * imaginary + 0.06).sqrt().divide(1.0);
         let (c, s) = (real * inverse, imaginary * inverse);
         // Sharp crests, round troughs: 1 − 2|sin(phase/2)|, its crest rounded a little.
-        let root = (0.5 * (1.0 - c) + 0.004).sqrt();
-        let sharp = 1.0 - 2.0 * root;
-        let value = mix(c, sharp, SHARPNESS);
-        let by_cosine = mix(1.0, 0.5 / root, SHARPNESS);
-        let amplitude = octave.wavelength * AMPLITUDE * strength;
-        let slope = -s * by_cosine * std::f32::consts::TAU * AMPLITUDE * strength;
-        Wave { value, rise: amplitude * value, dx: slope * ax, dy: slope * ay }
+        let root = (c * -0.5 + 0.504).sqrt();
+        let value = c * (1.0 - SHARPNESS) + (root * -2.0 + 1.0) * SHARPNESS;
+        let by_cosine = root.divide(0.5 * SHARPNESS) + (1.0 - SHARPNESS);
+        let rise = value * (strength * (octave.wavelength * AMPLITUDE));
+        let slope = s * by_cosine * (strength * (-std::f32::consts::TAU * AMPLITUDE));
+        Waves { value, rise, dx: slope * ax, dy: slope * ay }
     }
 }
 
@@ -152,8 +166,9 @@ mod tests {
         for k in -500_i16..=500 {
             let turns = f32::from(k) / 1000.0;
             let truth = (turns * std::f32::consts::TAU).sin();
-            assert!((sine_of_turns(turns) - truth).abs() < 1.2e-3, "{turns}");
-            assert!((wrapped(turns + 7.0) - turns).abs() < 1e-5 || turns.abs() > 0.4999);
+            assert!((sine_of_turns(Lanes::all(turns)).0[2] - truth).abs() < 1.2e-3, "{turns}");
+            let back = wrapped(Lanes::all(turns + 7.0)).0[1];
+            assert!((back - turns).abs() < 1e-5 || turns.abs() > 0.4999);
         }
     }
 
@@ -163,16 +178,18 @@ mod tests {
         let octave = &OCTAVES[1];
         let at = |x: f64, y: f64| {
             let (a, b) = (octave.of_x(x), octave.of_y(y));
-            phases.wave(octave, a[0].wrapping_add(b[0]), a[1].wrapping_add(b[1]), 0.4, -0.7, 1.0)
+            let (u, v) = ([a[0].wrapping_add(b[0]); LANES], [a[1].wrapping_add(b[1]); LANES]);
+            let waves = phases.waves(octave, (u, v), (Lanes::all(0.4), Lanes::all(-0.7)), Lanes::all(1.0));
+            (waves.value.0[3], waves.rise.0[3], waves.dx.0[3])
         };
         let (mut error, mut steep) = (0.0_f32, 0.0_f32);
         for k in 0..2000_i32 {
             let (x, y) = (f64::from(k) * 13.7 - 9000.0, f64::from(k % 97) * 31.3);
             let here = at(x, y);
-            assert!(here.value.abs() <= 1.0);
+            assert!(here.0.abs() <= 1.0);
             let step = 0.25;
-            let dx = (at(x + step, y).rise - at(x - step, y).rise) / (2.0 * step as f32);
-            error += (dx - here.dx).abs();
+            let dx = (at(x + step, y).1 - at(x - step, y).1) / (2.0 * step as f32);
+            error += (dx - here.2).abs();
             steep += dx.abs();
         }
         // The blend of phases from cell to cell has a slope of its own, which is left out.

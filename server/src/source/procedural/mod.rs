@@ -23,6 +23,7 @@ mod ground;
 mod gullies;
 mod height;
 mod lake;
+mod lanes;
 mod massif;
 mod material;
 mod noise_tile;
@@ -55,3 +56,6 @@ pub fn colour() -> ProceduralColour {
 pub fn cover() -> ProceduralCover {
     ProceduralCover::new(&LAND)
 }
+
+#[cfg(test)]
+mod tests;

@@ -29,8 +29,13 @@ pub(super) struct Noise {
 
 /// The tile.
 pub(super) struct NoiseTile {
-    mips: Vec<Vec<Noise>>,
+    mips: Vec<Vec<Texel>>,
 }
+
+/// A texel's four values, in the order of [`Noise`], loaded at once.
+#[repr(align(16))]
+#[derive(Clone, Copy, Debug)]
+struct Texel([f32; 4]);
 
 /// A scale and turn at which the tile is laid over the plane.
 #[derive(Clone, Copy, Debug)]
@@ -81,30 +86,22 @@ fn fixed(value: f64) -> u32 {
 impl NoiseTile {
     /// Makes the tile.
     pub(super) fn new(seed: u32) -> Self {
-        let mut texels = vec![Noise::default(); SIDE * SIDE];
-        let soft = octaves(seed, 0.62, |v| v);
-        let creased = octaves(seed ^ 0x51, 0.6, |v| 1.0 - 3.2 * v.abs());
-        let other = octaves(seed ^ 0xa7, 0.5, |v| v);
-        let domes = domes(seed ^ 0x33);
-        for (i, texel) in texels.iter_mut().enumerate() {
-            *texel = Noise { soft: soft[i], creased: creased[i], other: other[i], domes: domes[i] };
-        }
+        let channels = [
+            octaves(seed, 0.62, |v| v),
+            octaves(seed ^ 0x51, 0.6, |v| 1.0 - 3.2 * v.abs()),
+            octaves(seed ^ 0xa7, 0.5, |v| v),
+            domes(seed ^ 0x33),
+        ];
+        let texels: Vec<Texel> =
+            (0..SIDE * SIDE).map(|i| Texel(std::array::from_fn(|k| channels[k][i]))).collect();
         let mut mips = vec![texels];
         while mips.len() < MIPS {
             let side = SIDE >> mips.len();
             let finer = &mips[mips.len() - 1];
             let mean = |i: usize| {
-                let (x, y) = (2 * (i % side), 2 * (i / side));
-                let of = |k: &dyn Fn(&Noise) -> f32| {
-                    let row = |y: usize| k(&finer[y * 2 * side + x]) + k(&finer[y * 2 * side + x + 1]);
-                    0.25 * (row(y) + row(y + 1))
-                };
-                Noise {
-                    soft: of(&|n| n.soft),
-                    creased: of(&|n| n.creased),
-                    other: of(&|n| n.other),
-                    domes: of(&|n| n.domes),
-                }
+                let at = 4 * side * (i / side) + 2 * (i % side);
+                let four = [at, at + 1, at + 2 * side, at + 2 * side + 1].map(|at| finer[at].0);
+                Texel(std::array::from_fn(|k| 0.25 * (four[0][k] + four[1][k] + four[2][k] + four[3][k])))
             };
             let coarser = (0..side * side).map(mean).collect();
             mips.push(coarser);
@@ -114,7 +111,7 @@ impl NoiseTile {
 
     /// The noise at fixed-point (u, v), bilinear in a mip.
     #[inline(always)]
-    pub(super) fn at(&self, mip: usize, u: u32, v: u32) -> Noise {
+    pub(super) fn at(&self, mip: usize, [u, v]: [u32; 2]) -> Noise {
         let bits = SIDE_BITS - mip as u32;
         let texels = &self.mips[mip];
         // Texels stand at their centres in every mip, so that mips lie over one another.
@@ -122,17 +119,14 @@ impl NoiseTile {
         let (u, v) = (u.wrapping_sub(half), v.wrapping_sub(half));
         let (i, j) = ((u >> (32 - bits)) as usize, (v >> (32 - bits)) as usize);
         let mask = (1_usize << bits) - 1;
-        let fraction = |a: u32| ((a << bits) >> 8) as f32 * (1.0 / 16_777_216.0);
+        let fraction = |a: u32| ((a << bits) >> 8) as i32 as f32 * (1.0 / 16_777_216.0);
         let (fu, fv) = (fraction(u), fraction(v));
         let (i1, row, row1) = ((i + 1) & mask, j << bits, ((j + 1) & mask) << bits);
-        let (a, b) = (&texels[row + i], &texels[row + i1]);
-        let (c, d) = (&texels[row1 + i], &texels[row1 + i1]);
-        Noise {
-            soft: mix(mix(a.soft, b.soft, fu), mix(c.soft, d.soft, fu), fv),
-            creased: mix(mix(a.creased, b.creased, fu), mix(c.creased, d.creased, fu), fv),
-            other: mix(mix(a.other, b.other, fu), mix(c.other, d.other, fu), fv),
-            domes: mix(mix(a.domes, b.domes, fu), mix(c.domes, d.domes, fu), fv),
-        }
+        let (a, b) = (&texels[row + i].0, &texels[row + i1].0);
+        let (c, d) = (&texels[row1 + i].0, &texels[row1 + i1].0);
+        let [soft, creased, other, domes] =
+            std::array::from_fn(|k| mix(mix(a[k], b[k], fu), mix(c[k], d[k], fu), fv));
+        Noise { soft, creased, other, domes }
     }
 }
 
@@ -242,11 +236,11 @@ mod tests {
     fn values_stay_in_their_ranges_and_mips_keep_the_mean() {
         let tile = NoiseTile::new(5);
         let mean = |mip: usize| {
-            tile.mips[mip].iter().map(|n| f64::from(n.soft)).sum::<f64>() / tile.mips[mip].len() as f64
+            tile.mips[mip].iter().map(|n| f64::from(n.0[0])).sum::<f64>() / tile.mips[mip].len() as f64
         };
         for texel in &tile.mips[0] {
-            assert!(texel.soft.abs() <= 1.0 && texel.creased.abs() <= 1.0 && texel.other.abs() <= 1.0);
-            assert!((0.0..=1.0).contains(&texel.domes));
+            assert!(texel.0[..3].iter().all(|v| v.abs() <= 1.0));
+            assert!((0.0..=1.0).contains(&texel.0[3]));
         }
         assert!((mean(0) - mean(MIPS - 1)).abs() < 1e-5);
     }
@@ -254,7 +248,7 @@ mod tests {
     #[test]
     fn it_is_continuous_across_its_period() {
         let tile = NoiseTile::new(5);
-        let (a, b) = (tile.at(0, u32::MAX, 77 << 20), tile.at(0, 0, 77 << 20));
+        let (a, b) = (tile.at(0, [u32::MAX, 77 << 20]), tile.at(0, [0, 77 << 20]));
         assert!((a.soft - b.soft).abs() < 1e-3 && (a.creased - b.creased).abs() < 1e-3);
     }
 
