@@ -3,14 +3,29 @@
 //! A recipe asks a field for values at the places of a [`SampleGrid`]; rasters in files and the
 //! built-in procedural landscape answer alike.
 
+pub mod classified_cover;
 pub mod crs;
-pub mod procedural;
+pub mod description;
 pub mod geotiff;
+pub mod land_cover_tables;
+pub mod open;
 pub mod placement;
+pub mod procedural;
 pub mod projector;
+pub mod raster_colour;
+pub mod raster_cover;
 pub mod raster_height;
 pub mod summary;
 pub mod window;
+
+#[cfg(test)]
+mod tests;
+
+pub use description::Description;
+pub use open::{
+    HeightOptions, SourceOptions, open_canopy_height, open_colour, open_height, open_land_cover, open_topographic_map,
+    photo_cover,
+};
 
 use treeline_core::grid::LatticeWindow;
 use treeline_core::layer::SurfaceType;

@@ -6,7 +6,7 @@ use super::placement::Placement;
 use super::projector::Projector;
 use super::summary::Summary;
 use super::window::{Block, View, choose_image};
-use super::{FieldExtent, HeightField, SampleGrid, SourceError};
+use super::{Description, FieldExtent, HeightField, SampleGrid, SourceError};
 use std::sync::{Arc, OnceLock};
 use treeline_core::tile::{CELLS, GeographicBox};
 
@@ -49,6 +49,11 @@ impl RasterHeight {
     /// Its place.
     pub fn placement(&self) -> &Placement {
         &self.placement
+    }
+
+    /// What there is to say about it.
+    pub fn describe(&self) -> Description {
+        Description::of(&self.raster, &self.placement, self.rule.nodata)
     }
 
     fn summary(&self) -> &Summary {

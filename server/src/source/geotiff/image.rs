@@ -109,7 +109,7 @@ impl Image {
             };
             let data = self.file.bytes.read(offset, count).map_err(|error| match error.kind() {
                 std::io::ErrorKind::UnexpectedEof => {
-                    format!("{} lies beyond the end of the file: it is cut off", place())
+                    format!("{} lies beyond the end of the file: it was cut off", place())
                 }
                 _ => format!("{} cannot be read: {error}", place()),
             })?;

@@ -98,7 +98,7 @@ impl Refusal {
     }
 
     fn damaged(problem: impl Into<String>) -> Self {
-        Self::new(problem, "the file is damaged or was not copied whole: fetch it again")
+        Self::new(problem, "it is damaged or was not copied whole: fetch it again")
     }
 }
 
@@ -317,6 +317,12 @@ impl Layout {
         let expected = self.chunks_per_plane() as usize * planes;
         if self.offsets.len() < expected || self.counts.len() < expected {
             return Err(lost());
+        }
+        let end = |index: usize| self.offsets[index].saturating_add(self.counts[index]);
+        let beyond = (0..expected).filter(|&index| end(index) > bytes.length()).count();
+        if beyond > 0 {
+            let what = if self.tiled { "tiles" } else { "strips" };
+            return Err(Refusal::damaged(format!("{beyond} of its {expected} {what} lie beyond its end")));
         }
         if !self.tiled && self.compression == compression::NONE && self.predictor == 1 {
             self.split_strips(planes);

@@ -3,6 +3,7 @@
 pub mod bytes;
 pub mod cache;
 pub mod chunk;
+pub mod colour;
 pub mod directory;
 pub mod geokeys;
 pub mod georeference;
@@ -91,9 +92,8 @@ fn open(path: &Path, assume_crs: Option<&str>) -> Result<Raster, Refusal> {
         Refusal::new(problem, "check the path and its permissions")
     })?;
     check_format(path, &bytes)?;
-    let skeleton = directory::read(&bytes).map_err(|problem| {
-        Refusal::new(problem, "the file is damaged or was not copied whole: fetch it again")
-    })?;
+    let skeleton = directory::read(&bytes)
+        .map_err(|problem| Refusal::new(problem, "it is damaged or was not copied whole: fetch it again"))?;
     let main = skeleton
         .directories
         .iter()

@@ -1,0 +1,186 @@
+//! GDAL as the judge: heights and photos against `gdalwarp -r bilinear` with exact transforms. Skipped, with
+//! a word, where there is no python3 with GDAL or there are no data.
+
+use super::data;
+use crate::source::{
+    ColourField, HeightField, HeightOptions, SampleGrid, SourceOptions, open_colour, open_height,
+};
+use std::path::Path;
+use std::process::Command;
+use std::sync::OnceLock;
+use treeline_core::grid::{LatticeWindow, Registration};
+use treeline_core::tile::{self, TileAddress};
+
+/// Warps a file to a geographic grid, compares it with the raw samples of ours, and prints numbers.
+const JUDGE: &str = r#"
+import sys
+import numpy as np
+from osgeo import gdal
+gdal.UseExceptions()
+kind, path, ours, west, south, east, north, width, height = sys.argv[1:10]
+width, height = int(width), int(height)
+bounds = [float(v) for v in (west, south, east, north)]
+options = dict(format='MEM', dstSRS='EPSG:4326', outputBounds=bounds, width=width, height=height,
+               resampleAlg='bilinear', errorThreshold=0)
+if kind == 'height':
+    warped = gdal.Warp('', path, dstNodata=-1e30, outputType=gdal.GDT_Float32, **options)
+    theirs = warped.GetRasterBand(1).ReadAsArray().astype(float)
+    found = np.fromfile(ours, '<f4').reshape(height, width).astype(float)
+    # Beside a void GDAL blends what is left of the neighbours, and we have none: compare where all are data.
+    source = gdal.Open(path)
+    band = source.GetRasterBand(1)
+    stored = band.ReadAsArray()
+    valid = (band.GetMaskBand().ReadAsArray() > 0) & ~np.isnan(stored)
+    flags = gdal.GetDriverByName('MEM').Create('', source.RasterXSize, source.RasterYSize, 1, gdal.GDT_Float32)
+    flags.SetProjection(source.GetProjection())
+    flags.SetGeoTransform(source.GetGeoTransform())
+    flags.GetRasterBand(1).WriteArray(np.where(valid, 100.0, 0.0))
+    sure = gdal.Warp('', flags, dstNodata=-1e30, **options).GetRasterBand(1).ReadAsArray() > 99.99
+    both = sure & (theirs > -1e29) & ~np.isnan(found)
+    either = sure
+    error = np.abs(theirs - found)[both]
+    print(both.sum(), np.median(error), np.quantile(error, 0.99), error.max(), 1 - both.sum() / max(either.sum(), 1))
+else:
+    warped = gdal.Warp('', path, dstAlpha=True, **options)
+    theirs = np.moveaxis(warped.ReadAsArray(), 0, -1).astype(float)
+    found = np.fromfile(ours, 'u1').reshape(height, width, 4).astype(float)
+    both = (theirs[..., -1] == 255) & (found[..., 3] == 255)
+    both[[0, -1], :] = False
+    both[:, [0, -1]] = False
+    grey, own = theirs[..., :3].mean(-1), found[..., :3].mean(-1)
+    gy, gx = np.gradient(grey)
+    a = np.stack([gx[both], gy[both]], 1)
+    shift = np.linalg.lstsq(a, (own - grey)[both], rcond=None)[0]
+    print(both.sum(), np.abs(theirs[..., :3] - found[..., :3])[both].mean(), abs(shift[0]), abs(shift[1]), 0)
+"#;
+
+fn python() -> Option<&'static str> {
+    static PYTHON: OnceLock<Option<&'static str>> = OnceLock::new();
+    *PYTHON.get_or_init(|| {
+        let works = |name: &&str| {
+            let probe = Command::new(name).args(["-c", "import numpy; from osgeo import gdal"]).output();
+            probe.is_ok_and(|output| output.status.success())
+        };
+        let found = ["python3", "/usr/bin/python3"].into_iter().find(works);
+        if found.is_none() {
+            println!("skipped: no python3 with numpy and GDAL");
+        }
+        found
+    })
+}
+
+/// The judge's five numbers on a file and our samples of a window.
+fn judge(kind: &str, path: &Path, window: &LatticeWindow, samples: &[u8]) -> [f64; 5] {
+    let folder = tempfile::tempdir().unwrap();
+    let ours = folder.path().join("samples");
+    std::fs::write(&ours, samples).unwrap();
+    let bounds = window.pixel_box();
+    let numbers = [bounds.west, bounds.south, bounds.east, bounds.north].map(|number| format!("{number}"));
+    let output = Command::new(python().unwrap())
+        .args(["-c", JUDGE, kind])
+        .arg(path)
+        .arg(&ours)
+        .args(numbers)
+        .args([window.width.to_string(), window.height.to_string()])
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let text = String::from_utf8(output.stdout).unwrap();
+    let numbers: Vec<f64> = text.split_whitespace().map(|word| word.parse().unwrap()).collect();
+    numbers.try_into().unwrap()
+}
+
+fn window_at(longitude: f64, latitude: f64, level: u8) -> LatticeWindow {
+    LatticeWindow::of_tile(TileAddress::at(level, longitude, latitude), Registration::Cell, 0)
+}
+
+#[test]
+fn heights_agree_with_gdal() {
+    // Places as (east, north) shares of the extent.
+    let cases = [
+        ("scene_hongkong/dem_aster30m_4326.tif", None, (0.5, 0.5)),
+        ("scene_hongkong/dem_utm50n_30m.tif", None, (0.3, 0.6)),
+        ("scene_lolo_montana/dem_m.tif", None, (0.5, 0.5)),
+        ("scene_jotunheimen_norway/dem_117m_utm32n.tif", None, (0.5, 0.5)),
+        ("robust_crs_extent/nz_antimeridian.tif", None, (0.99, 0.6)),
+        ("robust_crs_extent/nz_antimeridian.tif", None, (0.01, 0.6)),
+        ("robust_crs_extent/antarctica_vestfold_polar_stereo.tif", None, (0.5, 0.5)),
+        ("robust_crs_extent/columbia_custom_tmerc_negative.tif", None, (0.5, 0.5)),
+        ("robust_crs_extent/rotated_geotransform.tif", None, (0.5, 0.5)),
+        ("robust_crs_extent/oregon_nad83_f32.tif", None, (0.5, 0.5)),
+        ("robust_crs_extent/zurich_lv03_no_crs.tif", Some("EPSG:21781"), (0.5, 0.5)),
+        ("robust_crs_extent/nrw_dsm_1m_utm32.tif", None, (0.5, 0.5)),
+        ("robust_crs_extent/bigtujunga_utm11_tiled.tif", None, (0.5, 0.5)),
+        ("robust_voids_nan/nz_1km_nan_sea.tif", None, (0.5, 0.5)),
+        ("robust_voids_nan/some_nodata.tif", None, (0.5, 0.5)),
+        ("robust_voids_nan/denali.tif", None, (0.5, 0.5)),
+    ];
+    for (name, crs, (east, north)) in cases {
+        let (Some(path), Some(_)) = (data::find(name), python()) else { return };
+        let source = SourceOptions { assume_crs: crs.map(str::to_owned), nodata: None };
+        let field = open_height(&path, &HeightOptions { source, ..HeightOptions::default() }).unwrap();
+        let extent = field.extent();
+        let level = tile::level_for_cell_metres(extent.resolution_metres);
+        let bounds = extent.bounds;
+        let longitude = bounds.west + east * (bounds.east - bounds.west);
+        let latitude = bounds.south + north * (bounds.north - bounds.south);
+        let window = window_at(longitude, latitude, level);
+        let mut heights = vec![0.0_f32; window.len()];
+        field.sample(&SampleGrid::Lattice(window), &mut heights).unwrap();
+        let bytes: Vec<u8> = heights.iter().flat_map(|height| height.to_le_bytes()).collect();
+        let placed;
+        let judged = match crs {
+            Some(crs) => {
+                let folder = tempfile::tempdir().unwrap();
+                let copy = folder.path().join("placed.vrt");
+                let status = Command::new("gdal_translate")
+                    .args(["-q", "-of", "VRT", "-a_srs", crs])
+                    .arg(&path)
+                    .arg(&copy)
+                    .status();
+                if !status.is_ok_and(|status| status.success()) {
+                    println!("skipped: no gdal_translate");
+                    continue;
+                }
+                placed = (folder, copy);
+                placed.1.as_path()
+            }
+            None => path.as_path(),
+        };
+        let [count, median, p99, most, apart] = judge("height", judged, &window, &bytes);
+        println!(
+            "{name} level {level}: {count} samples, median {median:.4} m, 99 % {p99:.4} m, most {most:.3} m; {:.2} % missed",
+            100.0 * apart
+        );
+        assert!(count > 200.0, "{name}: {count}");
+        assert!(median <= 0.05 && p99 <= 0.3, "{name}: median {median}, 99 % {p99}");
+        assert!(apart < 0.005, "{name}: {apart}");
+    }
+}
+
+#[test]
+fn photos_agree_with_gdal() {
+    let cases = [
+        "scene_hongkong/ortho_landsat8_4326.tif",
+        "scene_hongkong/ortho_utm50n_15m.tif",
+        "scene_jotunheimen_norway/topomap_texture_15m_utm32n.tif",
+        "robust_tiff_encodings/cogeo_jpeg_ycbcr.tif",
+        "robust_tiff_encodings/colorado_ortho_15cm_alpha.tif",
+        "robust_tiff_encodings/rgb_deflate_utm18.tif",
+    ];
+    for name in cases {
+        let (Some(path), Some(_)) = (data::find(name), python()) else { return };
+        let field = open_colour(&path, &SourceOptions::default()).unwrap();
+        let extent = field.extent();
+        let level = tile::level_for_cell_metres(extent.resolution_metres);
+        let (longitude, latitude) = extent.bounds.centre();
+        let window = window_at(longitude, latitude, level);
+        let mut colours = vec![[0; 4]; window.len()];
+        field.sample(&SampleGrid::Lattice(window), &mut colours).unwrap();
+        let [count, error, dx, dy, _] = judge("photo", &path, &window, colours.as_flattened());
+        println!(
+            "{name} level {level}: {count} samples, mean difference {error:.3}, shift {dx:.4} × {dy:.4} samples"
+        );
+        assert!(count > 1000.0 && error < 1.5 && dx < 0.1 && dy < 0.1, "{name}: {count} {error} {dx} {dy}");
+    }
+}

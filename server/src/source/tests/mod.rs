@@ -1,0 +1,7 @@
+//! Tests of the sources as a whole: on files written here, on real ones, and against GDAL.
+
+mod data;
+mod gdal;
+mod hostile;
+mod real;
+mod synthetic;
