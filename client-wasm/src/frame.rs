@@ -209,11 +209,7 @@ impl FrameRenderer {
     }
 }
 
-fn hits_group(
-    device: &wgpu::Device,
-    layout: &wgpu::BindGroupLayout,
-    targets: &Targets,
-) -> wgpu::BindGroup {
+fn hits_group(device: &wgpu::Device, layout: &wgpu::BindGroupLayout, targets: &Targets) -> wgpu::BindGroup {
     let views = [&targets.distance_view, &targets.hit_view];
     bind(device, "hits", layout, views.map(wgpu::BindingResource::TextureView))
 }

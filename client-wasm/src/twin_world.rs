@@ -35,8 +35,10 @@ impl Slots {
             if slots.len() <= slot {
                 slots.resize_with(slot + 1, || None);
             }
-            slots[slot]
-                .get_or_insert_with(|| Tile { heights: Arc::clone(&summary.heights), pyramid: OnceCell::new() });
+            slots[slot].get_or_insert_with(|| Tile {
+                heights: Arc::clone(&summary.heights),
+                pyramid: OnceCell::new(),
+            });
         }
         Self(slots)
     }

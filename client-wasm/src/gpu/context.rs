@@ -72,7 +72,11 @@ impl GpuContext {
 
     /// Name of the adapter, or its kind where it has no name.
     pub fn adapter_name(&self) -> String {
-        if self.info.name.is_empty() { format!("{:?}", self.info.device_type) } else { self.info.name.clone() }
+        if self.info.name.is_empty() {
+            format!("{:?}", self.info.device_type)
+        } else {
+            self.info.name.clone()
+        }
     }
 
     /// Whether passes can be timed.

@@ -59,7 +59,11 @@ impl FrameBuffers {
         write(&mut self.leaves, "leaves", bytemuck::cast_slice::<Leaf, u8>(&tables.leaves));
         // Without a photo every root still has its entry, which says so.
         let none = TexturePage { slot: EMPTY, children: EMPTY, ..TexturePage::zeroed() };
-        let empty = vec![none; if tables.pages.is_empty() { (view.root_size[0] * view.root_size[1]) as usize } else { 0 }];
+        let empty =
+            vec![
+                none;
+                if tables.pages.is_empty() { (view.root_size[0] * view.root_size[1]) as usize } else { 0 }
+            ];
         let pages = if tables.pages.is_empty() { &empty } else { &tables.pages };
         write(&mut self.pages, "texture pages", bytemuck::cast_slice(pages));
     }

@@ -81,8 +81,8 @@ impl TileArray {
             usage: self.texture.usage(),
         };
         let larger = create(device, &shape, grown);
-        let mut encoder = device
-            .create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("grow tile array") });
+        let mut encoder =
+            device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("grow tile array") });
         for mip in 0..shape.mips {
             let side = (shape.side >> mip).max(1);
             let place = |texture| wgpu::TexelCopyTextureInfo {
@@ -164,12 +164,7 @@ pub struct TileArrays {
 
 impl TileArrays {
     /// For so many elevation and photo slots. `with_surface`: the elevation layer carries surface types.
-    pub fn new(
-        device: &wgpu::Device,
-        elevation_slots: u32,
-        texture_slots: u32,
-        with_surface: bool,
-    ) -> Self {
+    pub fn new(device: &wgpu::Device, elevation_slots: u32, texture_slots: u32, with_surface: bool) -> Self {
         use wgpu::{TextureFormat, TextureUsages};
         let grows = TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST | TextureUsages::COPY_SRC;
         let elevation = |label, side, mips, format, usage| {

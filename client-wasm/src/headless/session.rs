@@ -1,8 +1,8 @@
 //! An engine with somewhere to draw: settle a view, then draw it.
 
+use super::HeadlessError;
 use super::capture::{Capture, read_texture, wait};
 use super::fetch::{TileFetcher, fetch_tile};
-use super::HeadlessError;
 use crate::engine::{Engine, FrameReport, Payload, TileRequest, ViewRequest};
 use crate::frame::FrameTarget;
 use crate::stream::requests::{FetchFailure, RequestId};

@@ -10,8 +10,7 @@ pub mod timing;
 /// Bind group 0 of every pass that looks at the scene (docs/ARCHITECTURE.md).
 pub fn frame_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
     use wgpu::{BindingType, BufferBindingType, SamplerBindingType, TextureSampleType, TextureViewDimension};
-    let buffer =
-        |ty| BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None };
+    let buffer = |ty| BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None };
     let storage = || buffer(BufferBindingType::Storage { read_only: true });
     let array = |sample_type| BindingType::Texture {
         sample_type,

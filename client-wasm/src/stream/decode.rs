@@ -106,7 +106,8 @@ pub fn elevation(bytes: &[u8], address: TileAddress) -> Result<ElevationPixels, 
         )));
     }
     let quantum = elevation::quantum_metres(tile.level);
-    let metres = |value: i32, void: f32| if value == VOID { void } else { (f64::from(value) * quantum) as f32 };
+    let metres =
+        |value: i32, void: f32| if value == VOID { void } else { (f64::from(value) * quantum) as f32 };
     let heights: Arc<[f32]> = tile.heights.iter().map(|&value| metres(value, VOID_HEIGHT)).collect();
     let deep_maxima = tile.maxima.iter().map(|&value| metres(value, f32::NEG_INFINITY)).collect();
     let (own_maxima, minimum) = summarise(&heights);
@@ -167,19 +168,31 @@ pub(crate) mod tests {
             })
             .collect();
         let surface = Some(Surface { types: vec![5; nodes], canopy: vec![0; nodes] });
-        ElevationTile { level: address.level, side: ELEVATION_SIDE, heights, maxima_side: 64, maxima, surface }.encode()
+        ElevationTile {
+            level: address.level,
+            side: ELEVATION_SIDE,
+            heights,
+            maxima_side: 64,
+            maxima,
+            surface,
+        }
+        .encode()
     }
 
     #[test]
     fn a_plane_comes_through() {
         let address = TileAddress::at(12, 11.0, 47.0);
         let bounds = address.bounds();
-        let plane = |longitude: f64, latitude: f64| 1e4 * (longitude - bounds.west) + 5e3 * (bounds.north - latitude);
+        let plane =
+            |longitude: f64, latitude: f64| 1e4 * (longitude - bounds.west) + 5e3 * (bounds.north - latitude);
         let pixels = elevation(&encoded(address, plane), address).unwrap();
         let step = (bounds.east - bounds.west) / 512.0;
         for (u, v) in [(0.0, 0.0), (17.25, 300.5), (512.0, 512.0)] {
             let height = pixels.summary.height(u, v).unwrap();
-            assert!((height - plane(bounds.west + u * step, bounds.north - v * step)).abs() < 0.07, "{u} {v} {height}");
+            assert!(
+                (height - plane(bounds.west + u * step, bounds.north - v * step)).abs() < 0.07,
+                "{u} {v} {height}"
+            );
         }
         let whole = pixels.summary.own_maximum((0.0, 0.0), 512.0);
         assert!((f64::from(whole) - 1.5e4 * 512.0 * step).abs() < 0.07);

@@ -127,7 +127,8 @@ impl Stream {
         };
         let row = order.into_iter().find_map(|layer| scene.layer(layer)).ok_or(StreamError::NoElevation)?;
         let extent = row.extent;
-        let finite = [extent.west, extent.south, extent.east, extent.north].iter().all(|edge| edge.is_finite());
+        let finite =
+            [extent.west, extent.south, extent.east, extent.north].iter().all(|edge| edge.is_finite());
         if !finite || extent.east < extent.west || extent.north < extent.south {
             return Err(StreamError::NoExtent);
         }
@@ -199,7 +200,8 @@ impl Stream {
         };
         self.elevation.cut = cut;
         let Some(layer) = &self.texture else { return };
-        let base = if layer.base.len() > PINNED_TEXTURES { self.seen(view, layer) } else { layer.base.clone() };
+        let base =
+            if layer.base.len() > PINNED_TEXTURES { self.seen(view, layer) } else { layer.base.clone() };
         let limits = Limits {
             base: &base,
             maximum_level: layer.maximum_level,
@@ -219,7 +221,9 @@ impl Stream {
             .base
             .iter()
             .map(|&root| (Volume::new(view, &root.bounds(), self.heights.0, self.heights.1), root))
-            .filter(|(volume, _)| !volume.outside_frustum(view) && !volume.below_horizon(view, self.heights.0))
+            .filter(|(volume, _)| {
+                !volume.outside_frustum(view) && !volume.below_horizon(view, self.heights.0)
+            })
             .map(|(volume, root)| (volume.distance(view), root))
             .collect();
         seen.sort_by(|a, b| a.0.total_cmp(&b.0).then_with(|| a.1.cmp(&b.1)));
@@ -327,7 +331,8 @@ impl Stream {
                 let key = TileKey { layer: self.elevation.layer, address };
                 self.elevation.pool.is_known(&address)
                     || self.requests.failure(&key).is_some_and(|failure| {
-                        failure.attempts >= BASE_ATTEMPTS || matches!(failure.last, FetchFailure::Permanent(_))
+                        failure.attempts >= BASE_ATTEMPTS
+                            || matches!(failure.last, FetchFailure::Permanent(_))
                     })
             });
         }

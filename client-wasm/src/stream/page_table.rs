@@ -53,10 +53,8 @@ impl FitCache {
         if self.fits.len() > MAXIMUM_FITS {
             self.fits.clear();
         }
-        let entry = self
-            .fits
-            .entry((square, tile))
-            .or_insert_with(|| (heights, LeafFit::new(tile, place, heights)));
+        let entry =
+            self.fits.entry((square, tile)).or_insert_with(|| (heights, LeafFit::new(tile, place, heights)));
         if entry.0 != heights {
             *entry = (heights, LeafFit::new(tile, place, heights));
         }
@@ -106,9 +104,7 @@ fn ancestors_of_drawable(cut: &Cut, pool: &Pool, top: u8) -> HashSet<TileAddress
         } else if !node.split && !pool.is_known(address) {
             let children = address.children();
             let complete = children.iter().all(|child| pool.is_known(child));
-            if let Some(child) =
-                children.iter().find(|child| complete && pool.resident(child).is_some())
-            {
+            if let Some(child) = children.iter().find(|child| complete && pool.resident(child).is_some()) {
                 add(*child);
             }
         }

@@ -192,7 +192,10 @@ mod tests {
     use super::*;
 
     fn wish(column: u32, priority: f64) -> Wish {
-        Wish { key: TileKey { layer: Layer::Texture, address: TileAddress { level: 9, row: 1, column } }, priority }
+        Wish {
+            key: TileKey { layer: Layer::Texture, address: TileAddress { level: 9, row: 1, column } },
+            priority,
+        }
     }
 
     fn temporary() -> FetchFailure {
@@ -237,7 +240,10 @@ mod tests {
             let at = requests.next_retry(&wishes).unwrap();
             assert!(requests.plan(now + 0.99 * (at - now), &wishes).start.is_empty());
             let delay = at - now;
-            assert!(delay <= 1.25 * LONGEST_DELAY_SECONDS && (attempt > 6 || delay > 1.1 * last), "{delay} {last}");
+            assert!(
+                delay <= 1.25 * LONGEST_DELAY_SECONDS && (attempt > 6 || delay > 1.1 * last),
+                "{delay} {last}"
+            );
             last = delay;
             now = at;
         }

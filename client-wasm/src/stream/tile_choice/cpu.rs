@@ -192,9 +192,14 @@ mod tests {
         let free = choose(&view, &limits(&base, 10_000), |_| HeightRange::Between(0.0, 1_000.0));
         let tight = choose(&view, &limits(&base, 40), |_| HeightRange::Between(0.0, 1_000.0));
         assert!(!free.limited && tight.limited && free.nodes.len() > 40);
-        let worst = tight.nodes.values().filter(|node| !node.split).map(|node| node.error).fold(0.0, f64::max);
-        let least_split =
-            tight.nodes.values().filter(|node| node.split).map(|node| node.error).fold(f64::INFINITY, f64::min);
+        let worst =
+            tight.nodes.values().filter(|node| !node.split).map(|node| node.error).fold(0.0, f64::max);
+        let least_split = tight
+            .nodes
+            .values()
+            .filter(|node| node.split)
+            .map(|node| node.error)
+            .fold(f64::INFINITY, f64::min);
         assert!(least_split >= worst, "{least_split} {worst}");
     }
 
@@ -212,7 +217,8 @@ mod tests {
         let place = Geodetic { longitude: 11.03, latitude: 47.02, height: 0.0 };
         assert!(geodesy::ecef_from_geodetic(place).length() > 6.0e6);
         let base = base();
-        let cut = choose(&view(200.0, 0.0, -90.0), &limits(&base, 1_000), |_| HeightRange::Between(0.0, 10.0));
+        let cut =
+            choose(&view(200.0, 0.0, -90.0), &limits(&base, 1_000), |_| HeightRange::Between(0.0, 10.0));
         assert!(cut.nodes.contains_key(&TileAddress::at(15, 11.03, 47.02)));
     }
 }

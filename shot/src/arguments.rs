@@ -1,0 +1,256 @@
+//! The command line.
+
+use crate::error::ShotError;
+use clap::{Parser, ValueEnum};
+use std::path::PathBuf;
+use treeline_client::headless::AdapterChoice;
+use treeline_client::stream::SurfaceChoice;
+use treeline_server::cli::SceneArguments;
+
+/// Draws one picture of a scene or of a height field, without a browser. Without a source: the
+/// built-in landscape.
+#[derive(Debug, Parser)]
+#[command(name = "treeline-shot", version)]
+pub struct Arguments {
+    /// The scene.
+    #[command(flatten)]
+    pub scene: SceneArguments,
+    /// A running Treeline server in place of a scene.
+    #[arg(long, value_name = "URL")]
+    pub server: Option<String>,
+    /// A grid of heights in place of a scene: 2-D float32 or float64 .npy, metres, row 0 is north.
+    #[arg(long, value_name = "GRID.NPY")]
+    pub heightfield: Option<PathBuf>,
+    /// Distance between samples of the height field, metres.
+    #[arg(long, value_name = "METRES", allow_hyphen_values = true)]
+    pub cell_size: Option<f64>,
+    /// Place of the height field's south-west sample, metres. [default: 0,0]
+    #[arg(long, value_name = "X,Y", allow_hyphen_values = true, value_parser = pair)]
+    pub origin: Option<[f64; 2]>,
+    /// Bend the height field: the surface at distance d from the eye lies d²/2R lower.
+    #[arg(long, value_name = "METRES", allow_hyphen_values = true)]
+    pub earth_radius: Option<f64>,
+    /// Who looks: JSON. [default for scenes: the scene's own view]
+    #[arg(long, value_name = "CAMERA.JSON")]
+    pub camera: Option<PathBuf>,
+    /// Picture, pixels.
+    #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = size)]
+    pub size: [u32; 2],
+    /// Write the picture (PNG, or JPEG by the file's ending).
+    #[arg(long, value_name = "OUT.PNG")]
+    pub color: Option<PathBuf>,
+    /// Write distances from the eye: float32 .npy, +inf for a miss.
+    #[arg(long, value_name = "OUT.NPY")]
+    pub depth: Option<PathBuf>,
+    /// Write the trees that were selected.
+    #[arg(long, value_name = "OUT.CSV")]
+    pub trees: Option<PathBuf>,
+    /// Write statistics.
+    #[arg(long, value_name = "OUT.JSON")]
+    pub stats: Option<PathBuf>,
+    /// Which surface a scene shows.
+    #[arg(long, value_enum, default_value_t = Surface::Combined)]
+    pub surface: Surface,
+    /// How rays meet the surface.
+    #[arg(long, value_name = "NAME", default_value = "max-mip", value_parser = intersector)]
+    pub intersector: String,
+    /// Bound of the intersector's steps, for those that take one (max-mip is exact and takes none).
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub steps: Option<u32>,
+    /// Steps of the march toward the sun; 0 for no shadows.
+    #[arg(long, value_name = "N", default_value_t = treeline_client::engine::DEFAULT_SHADOW_STEPS, value_parser = clap::value_parser!(u32).range(0..=1000))]
+    pub shadow_steps: u32,
+    /// What chooses the tiles.
+    #[arg(long, value_name = "NAME", default_value = "cpu", value_parser = tile_choice)]
+    pub tile_choice: String,
+    /// Which Vulkan adapter draws.
+    #[arg(long, value_enum, default_value_t = Adapter::Any)]
+    pub adapter: Adapter,
+    /// Draw so many times; times are medians.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub repeat: u32,
+}
+
+/// `--surface`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Surface {
+    /// Terrain and canopy.
+    Combined,
+    /// Bare terrain.
+    Elevation,
+}
+
+impl From<Surface> for SurfaceChoice {
+    fn from(surface: Surface) -> Self {
+        match surface {
+            Surface::Combined => Self::Combined,
+            Surface::Elevation => Self::Elevation,
+        }
+    }
+}
+
+/// `--adapter`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Adapter {
+    /// One that runs on the CPU: the same picture on every machine.
+    Software,
+    /// The fastest that there is.
+    Any,
+}
+
+impl From<Adapter> for AdapterChoice {
+    fn from(adapter: Adapter) -> Self {
+        match adapter {
+            Adapter::Software => Self::Software,
+            Adapter::Any => Self::Any,
+        }
+    }
+}
+
+impl Arguments {
+    /// What clap cannot check: flags that do not go together.
+    pub fn check(&self) -> Result<(), ShotError> {
+        let scene = &self.scene;
+        let from_files = scene.scene.is_some()
+            || scene.dem.is_some()
+            || scene.photo.is_some()
+            || scene.land_cover.is_some()
+            || scene.canopy_height.is_some()
+            || scene.topographic_map.is_some()
+            || scene.assume_crs.is_some()
+            || scene.nodata.is_some();
+        let sources = [
+            ("--scene, --dem and their like", from_files),
+            ("--server", self.server.is_some()),
+            ("--heightfield", self.heightfield.is_some()),
+        ];
+        let given: Vec<&str> = sources.iter().filter(|(_, given)| *given).map(|(name, _)| *name).collect();
+        if given.len() > 1 {
+            return Err(ShotError::input(format!("{} exclude each other; give one", given.join(" and "))));
+        }
+        if self.heightfield.is_none() {
+            let planar = [
+                ("--cell-size", self.cell_size.is_some()),
+                ("--origin", self.origin.is_some()),
+                ("--earth-radius", self.earth_radius.is_some()),
+            ];
+            if let Some((flag, _)) = planar.iter().find(|(_, given)| *given) {
+                return Err(ShotError::input(format!(
+                    "{flag} belongs to --heightfield; leave it out for a scene"
+                )));
+            }
+        } else {
+            self.check_height_field()?;
+        }
+        if self.trees.is_some() {
+            return Err(ShotError::input(
+                "--trees: no trees are drawn one by one in this version; leave the flag out",
+            ));
+        }
+        if self.color.is_none() && self.depth.is_none() && self.stats.is_none() {
+            return Err(ShotError::input("nothing to write; give --color, --depth or --stats a file"));
+        }
+        Ok(())
+    }
+
+    fn check_height_field(&self) -> Result<(), ShotError> {
+        if self.cell_size.is_none() {
+            return Err(ShotError::input(
+                "--heightfield needs --cell-size METRES, the distance between samples",
+            ));
+        }
+        if self.camera.is_none() {
+            return Err(ShotError::input("--heightfield needs --camera CAMERA.JSON with eye and target"));
+        }
+        Ok(())
+    }
+}
+
+fn pair(text: &str) -> Result<[f64; 2], String> {
+    let numbers: Option<Vec<f64>> = text
+        .split(',')
+        .map(|part| part.trim().parse::<f64>().ok().filter(|value| value.is_finite()))
+        .collect();
+    match numbers.as_deref() {
+        Some(&[x, y]) => Ok([x, y]),
+        _ => Err("it must be two numbers, as in 0,-1500.5".into()),
+    }
+}
+
+fn size(text: &str) -> Result<[u32; 2], String> {
+    let sides = text
+        .split_once(['x', 'X'])
+        .and_then(|(width, height)| Some([width.parse::<u32>().ok()?, height.parse::<u32>().ok()?]));
+    match sides {
+        Some(sides) if sides.iter().all(|side| (1..=16_384).contains(side)) => Ok(sides),
+        _ => Err("it must be width and height in pixels, 1 to 16384 each, as in 640x512".into()),
+    }
+}
+
+fn intersector(text: &str) -> Result<String, String> {
+    match text {
+        "max-mip" => Ok(text.into()),
+        "linear" | "linear-binary" | "safety-zones" | "cone-step" => {
+            Err("this version has no such intersector yet; it has max-mip".into())
+        }
+        _ => Err("there is no such intersector; this version has max-mip".into()),
+    }
+}
+
+fn tile_choice(text: &str) -> Result<String, String> {
+    match text {
+        "cpu" => Ok(text.into()),
+        "load-map" => Err("this version has no load map yet; it has cpu".into()),
+        _ => Err("there is no such choice; this version has cpu".into()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(line: &str) -> Result<Arguments, String> {
+        Arguments::try_parse_from(line.split_whitespace()).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn negative_numbers_everywhere() {
+        let arguments = parse("shot --heightfield g.npy --cell-size 1.7 --origin -100,-2.5 --camera c.json --size 640x512 --depth d.npy").unwrap();
+        assert_eq!(arguments.origin, Some([-100.0, -2.5]));
+        assert_eq!(arguments.size, [640, 512]);
+        assert_eq!(arguments.check(), Ok(()));
+        let arguments = parse("shot --dem d.tif --nodata -9999 --size 6x5 --color o.png").unwrap();
+        assert_eq!(arguments.scene.nodata, Some(-9999.0));
+    }
+
+    #[test]
+    fn what_does_not_exist_yet_says_what_does() {
+        for (flag, has) in [("--intersector cone-step", "max-mip"), ("--tile-choice load-map", "cpu")] {
+            assert!(parse(&format!("shot --size 6x5 --color o.png {flag}")).unwrap_err().contains(has));
+        }
+        let trees = parse("shot --size 6x5 --trees o.csv").unwrap().check().unwrap_err();
+        assert!(trees.to_string().starts_with("--trees"));
+        assert_eq!(trees.exit_code(), 2);
+    }
+
+    #[test]
+    fn wrong_flags_are_named() {
+        for (line, word) in [
+            ("shot --size 0x5 --color o.png", "--size"),
+            ("shot --size 640 --color o.png", "--size"),
+            ("shot --size 6x5 --colour o.png", "--colour"),
+            ("shot --size 6x5 --color o.png --origin 1", "--origin"),
+        ] {
+            assert!(parse(line).unwrap_err().contains(word), "{line}");
+        }
+        for (line, word) in [
+            ("shot --size 6x5", "nothing to write"),
+            ("shot --size 6x5 --color o.png --cell-size 2", "--cell-size"),
+            ("shot --size 6x5 --color o.png --heightfield g.npy", "--cell-size"),
+            ("shot --size 6x5 --color o.png --heightfield g.npy --cell-size 2", "--camera"),
+            ("shot --size 6x5 --color o.png --server http://h --dem d.tif", "exclude"),
+        ] {
+            assert!(parse(line).unwrap().check().unwrap_err().to_string().contains(word), "{line}");
+        }
+    }
+}

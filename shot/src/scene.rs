@@ -1,0 +1,97 @@
+//! A picture of a scene.
+
+use crate::arguments::Arguments;
+use crate::camera_file;
+use crate::error::ShotError;
+use crate::host::Host;
+use crate::npy;
+use crate::output;
+use crate::statistics::{addresses, fetch_statistics, median, visible_textures};
+use serde_json::{Map, Value, json};
+use treeline_client::engine::{Engine, EngineOptions, ViewRequest};
+use treeline_client::headless::{self, Capture, Session};
+use treeline_client::stream::StreamOptions;
+use treeline_core::layer::Layer;
+
+/// Settles, draws and writes.
+pub fn shoot(arguments: &Arguments) -> Result<(), ShotError> {
+    if let Some(picture) = &arguments.color {
+        output::check_picture(picture)?;
+    }
+    let camera = arguments.camera.as_deref().map(camera_file::geographic).transpose()?;
+    let gpu = headless::open(arguments.adapter.into())?;
+    let host = Host::open(arguments)?;
+    let scene = host.scene()?;
+    let [width, height] = arguments.size;
+    let view = ViewRequest {
+        camera: camera.unwrap_or(scene.camera),
+        width,
+        height,
+        sun_unix_seconds: None,
+        shadow_steps: arguments.shadow_steps,
+    };
+    let options = EngineOptions {
+        stream: StreamOptions {
+            surface: arguments.surface.into(),
+            // One frame, and it is the last one.
+            fade_seconds: 0.0,
+            ..StreamOptions::default()
+        },
+        uploads_per_step: usize::MAX,
+        count_fetches: arguments.stats.is_some(),
+    };
+    let engine = Engine::new(gpu, scene, options).map_err(ShotError::failure)?;
+    let workers = std::thread::available_parallelism().map_or(2, usize::from).clamp(2, 8);
+    let mut session = Session::new(engine, width, height, workers)?;
+    session.settle(&view, &host)?;
+    let times =
+        if arguments.repeat > 1 { session.repeat(&view, arguments.repeat as usize)? } else { Vec::new() };
+    let capture = session.capture()?;
+    if let Some(path) = &arguments.color {
+        output::picture(path, width, height, &capture.rgba)?;
+    }
+    if let Some(path) = &arguments.depth {
+        let depths: Vec<f32> = capture
+            .distance
+            .iter()
+            .map(|&distance| if distance < 0.0 { f32::INFINITY } else { distance })
+            .collect();
+        output::write("--depth", path, &npy::write(height, width, &depths))?;
+    }
+    if let Some(path) = &arguments.stats {
+        let document = statistics(&mut session, &capture, &times)?;
+        output::write("--stats", path, format!("{document:#}\n").as_bytes())?;
+    }
+    Ok(())
+}
+
+/// The document of `--stats`.
+fn statistics(session: &mut Session, capture: &Capture, times: &[f64]) -> Result<Value, ShotError> {
+    let missed = session
+        .engine
+        .twin_hits()
+        .into_iter()
+        .zip(&capture.distance)
+        .filter(|(twin, distance)| *twin && **distance < 0.0)
+        .count();
+    let deepest = session.engine.scene().layer(Layer::Texture).map(|row| row.maximum_level);
+    let visible = match (session.engine.drawn_geometry(), deepest) {
+        (Some(view), Some(deepest)) => visible_textures(capture, view, deepest),
+        _ => Default::default(),
+    };
+    let requested: Map<String, Value> = session
+        .engine
+        .wanted()
+        .iter()
+        .map(|(layer, tiles)| (layer.name().to_owned(), addresses(tiles)))
+        .collect();
+    let mut document = serde_json::to_value(session.engine.stats()).map_err(ShotError::failure)?;
+    document["texel_fetches_per_ray"] = fetch_statistics(capture.hit.iter().map(|hit| hit[3]));
+    document["missed_rays"] = json!(missed);
+    document["load_map"] = json!({"visible": addresses(&visible), "requested": requested});
+    document["size"] = json!([capture.width, capture.height]);
+    if !times.is_empty() {
+        document["frame_milliseconds"] = json!(median(times));
+    }
+    Ok(document)
+}
