@@ -52,9 +52,7 @@ async fn axes_of_every_version() {
             &format!("LAYERS=elevation&SRS=EPSG:4326&BBOX=10.2,46.1,10.6,46.3&WIDTH=4&HEIGHT=2&{BIL32}"),
         ),
         // Names in any case, decimals in any spelling.
-        format!(
-            "/wms?service=wms&version=1.3.0&request=GETMAP&layers=elevation&styles=default&crs=crs:84&bbox=1.02e1,46.10,1.06e+01,46.3&width=4&height=2&format=image/x-bil;%20bits=32"
-        ),
+        "/wms?service=wms&version=1.3.0&request=GETMAP&layers=elevation&styles=default&crs=crs:84&bbox=1.02e1,46.10,1.06e+01,46.3&width=4&height=2&format=image/x-bil;%20bits=32".to_owned(),
     ] {
         let answer = get(&router, &query).await;
         assert_eq!(

@@ -26,6 +26,7 @@ use axum::Router;
 use axum::http::{HeaderName, StatusCode, Uri};
 use axum::response::Response;
 use axum::routing::get;
+use tower_http::CompressionLevel;
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::compression::CompressionLayer;
 use tower_http::cors::{Any, CorsLayer};
@@ -51,7 +52,12 @@ pub fn router(state: AppState) -> Router {
         .method_not_allowed_fallback(wrong_method)
         .layer(CatchPanicLayer::custom(middleware::on_panic))
         .layer(axum::middleware::from_fn_with_state(state.clone(), middleware::bounds))
-        .layer(CompressionLayer::new().compress_when(middleware::is_compressible))
+        // zstd's own default. On a megabyte of heights brotli takes 9 ms at 3 (35 ms at its default) for the same size.
+        .layer(
+            CompressionLayer::new()
+                .quality(CompressionLevel::Precise(3))
+                .compress_when(middleware::is_compressible),
+        )
         .layer(cors)
         .with_state(state)
 }
