@@ -85,6 +85,9 @@ pub struct LandCoverLevels {
     pub l2: u8,
     /// Bits of a code: 8, 16 or 32.
     pub bits: u8,
+    /// Level whose elevation nodes carry the trees' anchors: a trunk stands on the bilinear patch of
+    /// the four around it, whatever terrain is drawn.
+    pub anchor: u8,
 }
 
 /// A species as the client needs it.

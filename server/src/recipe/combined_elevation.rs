@@ -28,7 +28,10 @@ const CANOPY_CLOSURE: u32 = 64;
 pub fn make(scene: &Scene, request: &TileRequest) -> Result<Vec<u8>, RecipeError> {
     match request.format {
         Format::Own => Ok(tile(scene, &own::tile_window(request)?)?.encode()),
-        Format::Png => shaded_relief::make(request, |grid| Ok(Combined::sample(scene, grid)?.heights)),
+        Format::Png => shaded_relief::make(request, |grid| {
+            let combined = Combined::sample(scene, grid)?;
+            Ok((combined.heights, combined.types))
+        }),
         _ => encode::heights(request, &Combined::sample(scene, &request.grid)?.heights),
     }
 }

@@ -20,7 +20,7 @@ pub fn make(scene: &Scene, request: &TileRequest) -> Result<Vec<u8>, RecipeError
             let maxima = scene.height.maxima(&tile_box(&window), BLOCKS, BLOCKS)?;
             Ok(own::elevation_tile(&window, &heights, &maxima, None).encode())
         }
-        Format::Png => shaded_relief::make(request, |grid| sample(scene, grid)),
+        Format::Png => shaded_relief::make(request, |grid| Ok((sample(scene, grid)?, None))),
         _ => encode::heights(request, &sample(scene, &request.grid)?),
     }
 }

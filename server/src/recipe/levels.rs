@@ -31,7 +31,13 @@ pub fn land_cover_levels(scene: &Scene) -> Option<LandCoverLevels> {
     let own = level_for_cell_metres(cover.extent().resolution_metres);
     let l1 = own.clamp(*LAND_COVER_LEVELS.start(), *LAND_COVER_LEVELS.end());
     let largest = u8::try_from(scene.species.len()).unwrap_or(u8::MAX);
-    Some(LandCoverLevels { l0: l1 + 1, l1, l2: l1 - 1, bits: CodeBits::for_classes(largest) as u8 })
+    Some(LandCoverLevels {
+        l0: l1 + 1,
+        l1,
+        l2: l1 - 1,
+        bits: CodeBits::for_classes(largest) as u8,
+        anchor: anchor_level(scene),
+    })
 }
 
 /// Bits of the scene's land-cover codes.

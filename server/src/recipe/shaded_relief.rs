@@ -5,29 +5,49 @@ use super::grid_places::{spacing, with_margin};
 use super::relief_colours::{ground, mix, smooth_step};
 use super::{RecipeError, TileRequest};
 use crate::source::SampleGrid;
+use treeline_core::layer::SurfaceType;
 
 /// Light falls mostly from the north-west, as on printed maps, and some from either side of it, so
 /// that ridges along the light show too: (azimuth in degrees clockwise from north, share).
 const LIGHTS: [(f32, f32); 4] = [(315.0, 0.52), (270.0, 0.18), (0.0, 0.2), (225.0, 0.1)];
 /// Tangent of the lights' height over the horizon (45°).
 const LIGHT_RISE: f32 = 1.0;
+/// Tint of crowns, and how much of their flanks' slope shows: as steep as they are, all would be dark.
+const CANOPY: [f32; 3] = [84.0, 122.0, 80.0];
+const CANOPY_STEEPNESS: f32 = 0.25;
 /// Colours of full shadow and full light are mixed in this far.
 const SHADOW: [f32; 3] = [38.0, 46.0, 70.0];
 const HIGHLIGHT: [f32; 3] = [255.0, 250.0, 236.0];
 
-/// The map of heights that `sample` gives for a grid.
+/// Heights on a grid, and where they are known the surface types.
+pub type Sampled = (Vec<f32>, Option<Vec<u8>>);
+
+/// The map of what `sample` gives for a grid.
 pub fn make(
     request: &TileRequest,
-    sample: impl Fn(&SampleGrid) -> Result<Vec<f32>, RecipeError>,
+    sample: impl Fn(&SampleGrid) -> Result<Sampled, RecipeError>,
 ) -> Result<Vec<u8>, RecipeError> {
-    let heights = sample(&with_margin(&request.grid, 1))?;
+    let (heights, types) = sample(&with_margin(&request.grid, 1))?;
     // From afar slopes average out: what is left of them is steepened, or mountains look flat.
     let apart = spacing(&request.grid).first().map_or(1.0, |step| step.1);
     let steepen = (apart / 40.0).powf(0.3).clamp(1.0, 4.0);
+    let lights = LIGHTS.map(|(azimuth, share)| {
+        let (sine, cosine) = azimuth.to_radians().sin_cos();
+        (sine, cosine, share)
+    });
+    let width = request.grid.size().0 as usize;
     let pixels = slopes(&request.grid, &heights)
-        .map(|sample| match sample {
-            Some((height, east, north)) => shaded(height, east, north, steepen),
-            None => [0; 4],
+        .enumerate()
+        .map(|(index, sample)| {
+            let Some((height, east, north)) = sample else { return [0; 4] };
+            let with_margin = (index / width + 1) * (width + 2) + index % width + 1;
+            let (tint, steepen) = match &types {
+                Some(types) if types[with_margin] == SurfaceType::Canopy as u8 => {
+                    (CANOPY, CANOPY_STEEPNESS * steepen)
+                }
+                _ => (ground(height, east.hypot(north), None), steepen),
+            };
+            shaded(tint, steepen * east, steepen * north, &lights)
         })
         .collect();
     encode::picture(request, pixels)
@@ -70,16 +90,13 @@ fn difference(before: f32, here: f32, after: f32) -> f32 {
     }
 }
 
-/// Colour of a sample: its tint, darker where the light does not reach.
-fn shaded(height: f32, east: f32, north: f32, steepen: f32) -> [u8; 4] {
-    let tint = ground(height, east.hypot(north), None);
-    let (east, north) = (steepen * east, steepen * north);
-    let slope = east.hypot(north);
-    let normal = 1.0 / (1.0 + slope * slope).sqrt();
-    let light: f32 = LIGHTS
+/// Colour of a sample of a tint and slopes: darker where the light does not reach. Lights are
+/// given by sine and cosine of the azimuth, and share.
+fn shaded(tint: [f32; 3], east: f32, north: f32, lights: &[(f32, f32, f32)]) -> [u8; 4] {
+    let normal = 1.0 / (1.0 + east * east + north * north).sqrt();
+    let light: f32 = lights
         .iter()
-        .map(|&(azimuth, share)| {
-            let (sine, cosine) = azimuth.to_radians().sin_cos();
+        .map(|&(sine, cosine, share)| {
             // Cosine between the normal (−east, −north, 1) and the light, over the light's own.
             let toward = LIGHT_RISE - east * sine - north * cosine;
             share * (toward * normal / (1.0 + LIGHT_RISE * LIGHT_RISE).sqrt()).max(0.0)
@@ -88,7 +105,7 @@ fn shaded(height: f32, east: f32, north: f32, steepen: f32) -> [u8; 4] {
     // A plain lies at 0.707: that is where the tint stands as it is.
     let plain = LIGHT_RISE / (1.0 + LIGHT_RISE * LIGHT_RISE).sqrt();
     let colour = if light < plain {
-        mix(tint, SHADOW, 0.85 * (1.0 - light / plain).powf(0.9))
+        mix(tint, SHADOW, 0.68 * (1.0 - light / plain))
     } else {
         mix(tint, HIGHLIGHT, 0.75 * smooth_step(0.0, 1.0, (light - plain) / (1.0 - plain)))
     };
