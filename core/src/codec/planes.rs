@@ -103,7 +103,9 @@ mod tests {
             (0, 0) => 0,
             (_, 0) => values[index - 1],
             (0, _) => values[index - width],
-            _ => values[index - 1].wrapping_add(values[index - width]).wrapping_sub(values[index - width - 1]),
+            _ => {
+                values[index - 1].wrapping_add(values[index - width]).wrapping_sub(values[index - width - 1])
+            }
         }
     }
 
