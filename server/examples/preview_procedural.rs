@@ -151,7 +151,7 @@ fn perspective(model: &Model, camera: &GeographicCamera) -> Vec<u8> {
             let x = (2.0 * ((pixel % width) as f64 + 0.5) / width as f64 - 1.0) * half * width as f64
                 / height as f64;
             let y = (1.0 - 2.0 * ((pixel / width) as f64 + 0.5) / height as f64) * half;
-            let ray = (enu * glam_vector(x, y)).normalize().as_vec3();
+            let ray = (enu.x_axis * x + enu.y_axis * y - enu.z_axis).normalize().as_vec3();
             let mut distance = 20.0_f32;
             let mut before = distance;
             let mut colour = sky(ray.z);
@@ -183,10 +183,6 @@ fn perspective(model: &Model, camera: &GeographicCamera) -> Vec<u8> {
             encoded(colour)
         })
         .collect()
-}
-
-fn glam_vector(x: f64, y: f64) -> glam::DVec3 {
-    glam::DVec3::new(x, y, -1.0)
 }
 
 fn from_above(model: &Model) -> (Vec<u8>, (usize, usize)) {

@@ -2,12 +2,13 @@
 //!
 //! Texels of one level are coloured at once from the fields (level 10: 38 m); coarser levels are
 //! their means. Finer levels go down from there, only in the window that is wanted: children are
-//! coloured from the fields at their own footprint, then each four are shifted so that their
-//! mean is their parent's colour. Colours are carried in f32; rounding costs at most ½.
+//! coloured from the fields at their own footprint, then corrected so that the mean of each four is
+//! their parent's colour ([`super::settle`]). Colours are carried in f32; rounding costs at most ½.
 
 use super::geography::{BOUNDS, Places, east_from_longitude, north_from_latitude};
 use super::ground::{Ground, Landscape, Survey};
 use super::palette;
+use super::settle::{self, Colour, MARGIN, mean};
 use crate::source::{ColourField, FieldExtent, SampleGrid, SourceError};
 use rayon::prelude::*;
 use std::sync::LazyLock;
@@ -21,8 +22,6 @@ const BASE_LEVEL: u8 = 10;
 const DEEPEST_LEVEL: u8 = 16;
 /// The extent's first column and row on level 1, whose texels fit it exactly, and its size there.
 const LEVEL_1: Window = Window { column: 1085, row: 244, width: 3, height: 2 };
-
-type Colour = [f32; 3];
 
 /// A rectangle of a level's texels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -57,6 +56,16 @@ impl Window {
             width: (east - column) as usize,
             height: (south - row) as usize,
         })
+    }
+
+    /// With `margin` more texels on every side.
+    fn widened(self, margin: usize) -> Self {
+        Self {
+            column: self.column - margin as i64,
+            row: self.row - margin as i64,
+            width: self.width + 2 * margin,
+            height: self.height + 2 * margin,
+        }
     }
 
     /// The parents of its texels.
@@ -105,10 +114,6 @@ impl Pyramid {
     }
 }
 
-fn mean(of: [Colour; 4]) -> Colour {
-    std::array::from_fn(|k| 0.25 * (of[0][k] + of[1][k] + of[2][k] + of[3][k]))
-}
-
 /// Colours texels of a window inside the extent from the fields.
 fn paint(land: &Landscape, level: u8, window: Window, out: &mut [Colour]) {
     let lattice = LatticeWindow {
@@ -130,29 +135,6 @@ fn paint(land: &Landscape, level: u8, window: Window, out: &mut [Colour]) {
             *out = palette::colour(ground, footprint);
         }
     }
-}
-
-/// Moves four children so that their mean is the parent's colour; where a child would leave
-/// 0…255 all four draw nearer to the parent.
-fn settle(children: [Colour; 4], parent: Colour) -> [Colour; 4] {
-    let now = mean(children);
-    let mut out = children;
-    for k in 0..3 {
-        let shift = parent[k] - now[k];
-        let mut pull = 1.0_f32;
-        for child in &children {
-            let away = child[k] + shift - parent[k];
-            if parent[k] + away > 255.0 {
-                pull = pull.min((255.0 - parent[k]) / away);
-            } else if parent[k] + away < 0.0 {
-                pull = pull.min(parent[k] / -away);
-            }
-        }
-        for (out, child) in out.iter_mut().zip(&children) {
-            out[k] = parent[k] + (child[k] + shift - parent[k]) * pull;
-        }
-    }
-    out
 }
 
 /// The photo of the built-in massif.
@@ -181,7 +163,10 @@ impl ProceduralColour {
             }
             return out;
         }
-        let above = window.parents();
+        // Corrections spread to neighbours, so a margin is coloured too; at the extent's edge there is none.
+        let Some(above) = window.parents().widened(MARGIN).clipped(Window::extent(level - 1)) else {
+            return Vec::new();
+        };
         let parents = self.window(level - 1, above);
         let wide = Window {
             column: 2 * above.column,
@@ -191,16 +176,7 @@ impl ProceduralColour {
         };
         let mut children = vec![[0.0; 3]; wide.width * wide.height];
         paint(self.land, level, wide, &mut children);
-        for j in 0..above.height {
-            for i in 0..above.width {
-                let at = 2 * j * wide.width + 2 * i;
-                let places = [at, at + 1, at + wide.width, at + wide.width + 1];
-                let four = settle(places.map(|p| children[p]), parents[j * above.width + i]);
-                for (place, colour) in places.into_iter().zip(four) {
-                    children[place] = colour;
-                }
-            }
-        }
+        settle::settle(&mut children, &parents, above.width);
         let skip_columns = (window.column - wide.column) as usize;
         let skip_rows = (window.row - wide.row) as usize;
         (0..window.height)

@@ -30,6 +30,7 @@ mod noise_tile;
 mod palette;
 mod random;
 mod river;
+mod settle;
 
 pub use colour::ProceduralColour;
 pub use cover::ProceduralCover;
