@@ -144,8 +144,9 @@ fn ground(surface: SurfaceType) -> Cover {
     Cover { surface: surface as u8, ..Cover::default() }
 }
 
-/// One rule on each pixel of a photo: dark and green is forest; dark, blue and flat is water; bright
-/// and grey on high or steep ground is rock or snow; bright green is grass.
+/// One rule on each pixel of a photo: dark and green is forest, so is deep shadow on a slope; blue and
+/// flat is water, so is dark ground at sea level; brighter green is grass; bright and grey is snow
+/// where it is high, grey is rock where it is steep.
 pub struct PhotoRule {
     /// What grows below [`Self::conifers_above`].
     pub broadleaf: u8,
@@ -177,26 +178,28 @@ impl Classifier for PhotoRule {
     fn classify(&self, site: &Site) -> Cover {
         let [r, g, b] = site.colour.map(f32::from);
         let brightness = (r + g + b) / 3.0;
-        let greenness = 2.0 * g - r - b;
         // Comparisons with an unknown slope or height (NaN) are false: unknown ground counts as flat and low.
         let steep = site.slope > Self::FLAT;
-        let blue = b >= g - 2.0 && b > r + 4.0;
-        let dark = brightness < 60.0 && greenness < 12.0 && b >= r - 4.0;
-        if !steep && (blue && brightness < 120.0 || dark && site.height <= 1.0) {
+        let blue = b > r + 30.0 && b > 1.15 * g;
+        let dark_sea = brightness < 60.0 && g < 1.25 * r + 12.0 && b >= r && site.height <= 1.0;
+        if !steep && (blue || dark_sea) {
             return ground(SurfaceType::Water);
         }
         let spread = r.max(g).max(b) - r.min(g).min(b);
         if brightness > 200.0 && spread < 30.0 && site.height > 1200.0 {
             return ground(SurfaceType::Snow);
         }
-        let green = greenness > 6.0 && g > r && g > b;
-        if green && brightness < 95.0 && !(site.slope > Self::CLIFF) && !(site.height > self.tree_line) {
+        // Haze lends blue to dark crowns, and shadow takes nearly all colour from them.
+        let dark_green = brightness < 95.0 && g >= r + 4.0 && b <= 1.2 * g + 6.0;
+        let shadow = brightness < 35.0 && steep && g >= r;
+        let too_steep = site.slope > Self::CLIFF || site.height > self.tree_line;
+        if (dark_green || shadow) && !too_steep {
             let species = if site.height > self.conifers_above { self.conifer } else { self.broadleaf };
-            // The darker and greener, the more closed.
-            let closure = (140.0 + 6.0 * greenness - 0.6 * brightness).clamp(90.0, 240.0);
+            // The darker, the more closed.
+            let closure = (250.0 - 1.4 * brightness).clamp(100.0, 235.0);
             return forest(species, closure as u8);
         }
-        if green {
+        if g > r + 3.0 && g > b + 3.0 {
             return ground(SurfaceType::Grass);
         }
         if spread < 40.0 && site.slope > 0.7 {
