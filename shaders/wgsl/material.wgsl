@@ -66,7 +66,7 @@ fn crown_place(cell: vec2<f32>, slot: u32, height: f32, radius: i32) -> f32 {
 
 // A hash of a lattice point to 0…1.
 fn lattice_hash(point: vec2<u32>, seed: u32) -> f32 {
-    var mixed = point.x * 0x9e3779b1u ^ (point.y * 0x85ebca77u + seed);
+    var mixed = (point.x * 0x9e3779b1u) ^ (point.y * 0x85ebca77u + seed);
     mixed = (mixed ^ (mixed >> 15u)) * 0x2c1b3c6du;
     mixed = (mixed ^ (mixed >> 12u)) * 0x297a2d39u;
     mixed ^= mixed >> 15u;
@@ -92,6 +92,14 @@ fn metric_noise(ground: Ground, width: f32, footprint: f32, seed: u32) -> f32 {
     }
     let bits = log2(max(width * ground.units_per_metre.y, 1.0));
     return visible * (2.0 * map_noise(ground.place, u32(clamp(bits, 0.0, 25.0)), seed) - 1.0);
+}
+
+// The same for what stands upright, −1…1: lumps differ along the height too, or crowns would be streaked
+// from top to bottom.
+fn upright_noise(ground: Ground, width: f32, footprint: f32, seed: u32) -> f32 {
+    var skewed = ground;
+    skewed.place = moved(ground.place, ground.height * vec2<f32>(0.83, 0.71) * ground.units_per_metre);
+    return metric_noise(skewed, width, footprint, seed);
 }
 
 // Colour of ground that no photo shows, by what it is and how steep.

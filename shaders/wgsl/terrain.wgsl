@@ -36,7 +36,7 @@ fn view_ray(pixel: vec2<u32>) -> Ray {
 
 // 0…1, of a pixel: which leaf of a fading pair it sees.
 fn pixel_share(pixel: vec2<u32>) -> f32 {
-    var x = pixel.x * 0x9e3779b1u ^ pixel.y * 0x85ebca77u;
+    var x = (pixel.x * 0x9e3779b1u) ^ (pixel.y * 0x85ebca77u);
     x = (x ^ (x >> 15u)) * 0x2c1b3c6du;
     x = (x ^ (x >> 12u)) * 0x297a2d39u;
     return f32((x ^ (x >> 15u)) >> 8u) * 0x1p-24;
