@@ -153,10 +153,14 @@ fn shaded_ground(direction: vec3<f32>, distance: f32, hit: vec4<u32>, dither: f3
             // Crowns too small for the heights still give the canopy its grain.
             let grain = metric_noise(ground, 4.5, footprint, 22u) * saturate(cell_metres.y / 3.0 - 0.3);
             let wide = normal_of(frame, slope_at(cell, slot, max(reach, radius + 1)));
+            // Boughs and twigs: light and dark within a crown, and a rough outline to the light.
+            let bough = upright_noise(ground, 1.6, footprint, 23u);
+            let twig = upright_noise(ground, 0.5, footprint, 24u);
+            let rough = vec3<f32>(bough, upright_noise(ground, 1.2, footprint, 25u), twig);
             var forest_lit = lit;
-            forest_lit.normal = normalize(normal + 0.8 * wide + 0.15 * up);
-            let leaf = forest_reflectance(base) * (1.0 + 0.16 * crown_tint);
-            let place_in_crown = saturate(crown + 0.3 * grain - 0.1 * abs(grain));
+            forest_lit.normal = normalize(normal + 0.8 * wide + 0.15 * up + 0.45 * rough);
+            let leaf = forest_reflectance(base) * (1.0 + 0.16 * crown_tint + 0.18 * bough + 0.16 * twig);
+            let place_in_crown = saturate(crown + 0.3 * grain - 0.1 * abs(grain) + 0.2 * bough);
             radiance = mix(radiance, canopy_radiance(forest_lit, leaf, place_in_crown), forest);
         }
     }
