@@ -43,12 +43,12 @@ fn photo_pages(grid: vec2<u32>, deepest: u32) -> PhotoPages {
     let nothing = PhotoPage(EMPTY, 0u, 0.0);
     var pages = PhotoPages(nothing, nothing);
     var entry = root_entry(grid);
-    var level = view.root_level;
     // A root tile has 2^26 units a side: deeper than 26 levels below it there is no page.
     for (var depth = 0u; depth <= ROOT_BITS; depth++) {
         if entry == EMPTY {
             break;
         }
+        let level = view.root_level + depth;
         let page = texture_pages[entry];
         if page.slot != EMPTY {
             pages.coarse = pages.fine;
@@ -59,7 +59,6 @@ fn photo_pages(grid: vec2<u32>, deepest: u32) -> PhotoPages {
         }
         let quadrant = (grid >> vec2<u32>(ROOT_BITS - 1u - depth)) & vec2<u32>(1u);
         entry = page.children + 2u * quadrant.y + quadrant.x;
-        level += 1u;
     }
     return pages;
 }

@@ -49,11 +49,11 @@ pub fn photo_pages(view: &View, texture_pages: &[TexturePage], grid: UVec2, deep
     let nothing = PhotoPage { slot: EMPTY, level: 0, fade: 0.0 };
     let mut pages = PhotoPages { fine: nothing, coarse: nothing };
     let mut entry = root_entry(view, grid);
-    let mut level = view.root_level;
     for depth in 0..=ROOT_BITS {
         if entry == EMPTY {
             break;
         }
+        let level = view.root_level + depth;
         let page = texture_pages[entry as usize];
         if page.slot != EMPTY {
             pages.coarse = pages.fine;
@@ -64,7 +64,6 @@ pub fn photo_pages(view: &View, texture_pages: &[TexturePage], grid: UVec2, deep
         }
         let quadrant = (grid >> (ROOT_BITS - 1 - depth)) & 1;
         entry = page.children + 2 * quadrant.y + quadrant.x;
-        level += 1;
     }
     pages
 }

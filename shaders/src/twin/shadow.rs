@@ -243,7 +243,7 @@ mod tests {
     use crate::layout::{Leaf, View};
 
     /// Length of a root tile, metres: a unit is 0.1 mm.
-    const ROOT_METRES: f32 = 6_710.886_4;
+    const ROOT_METRES: f32 = 6_710.886;
     const UNITS_PER_METRE: f32 = 10_000.0;
 
     /// Heights as functions of slot and of metres from the root grid's north-west corner.
