@@ -1,12 +1,7 @@
 //! Which variant of the `shade` pass a scene needs: what it does not have is compiled away.
 
-/// Entry point of the vertex stage.
-pub const SHADE_VERTEX: &str = "full_screen";
-/// Entry point of the fragment stage.
+/// Entry point of the pass.
 pub const SHADE_FRAGMENT: &str = "shade";
-
-/// Steps of the shadow march in a picture of good quality (the reach is the same whatever their number).
-pub const DEFAULT_SHADOW_STEPS: u32 = 30;
 
 /// A variant of the `shade` pass, by its pipeline constants.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -56,8 +51,6 @@ mod tests {
             assert!(text.contains(&format!("override {name}: bool")), "{name}");
         }
         assert_eq!(text.matches("override ").count(), constants.len());
-        for name in [SHADE_VERTEX, SHADE_FRAGMENT] {
-            assert!(text.contains(&format!("fn {name}(")), "{name}");
-        }
+        assert!(text.contains(&format!("fn {SHADE_FRAGMENT}(")));
     }
 }

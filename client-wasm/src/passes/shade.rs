@@ -1,7 +1,7 @@
 //! The shade pass: from distance and hit to the picture.
 
-use super::{flag, full_screen_pipeline};
-use treeline_shaders::{Pass, source};
+use super::full_screen_pipeline;
+use treeline_shaders::{Pass, lighting, source};
 
 /// What the pipeline is specialised for: what a scene does not have costs nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -53,19 +53,20 @@ impl Shade {
         hits: &wgpu::BindGroupLayout,
         variant: ShadeVariant,
     ) -> Self {
-        let constants = [
-            flag("WITH_PHOTO", variant.photo),
-            flag("WITH_CANOPY", variant.surface),
-            flag("WITH_WATER", variant.surface),
-            flag("WITH_SHADOWS", variant.shadows),
-            flag("ENCODE_SRGB", !variant.format.is_srgb()),
-        ];
+        let constants = lighting::ShadeVariant {
+            photo: variant.photo,
+            canopy: variant.surface,
+            water: variant.surface,
+            shadows: variant.shadows,
+            encode_srgb: !variant.format.is_srgb(),
+        }
+        .constants();
         let pipeline = full_screen_pipeline(
             device,
             "shade",
             source(Pass::Shade),
             &[Some(frame), Some(hits)],
-            "shade",
+            lighting::SHADE_FRAGMENT,
             &constants,
             &[variant.format],
         );
