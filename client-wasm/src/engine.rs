@@ -160,6 +160,8 @@ pub struct Engine {
     arrived: Vec<Arrived>,
     /// The view of the last choice of tiles.
     chosen: Option<ViewRequest>,
+    /// Size that tiles are chosen for; the picture's own where `None`.
+    choice_size: Option<[u32; 2]>,
     /// The last frame drawn.
     drawn: Option<Drawn>,
     stale: bool,
@@ -201,6 +203,7 @@ impl Engine {
             renderer,
             arrived: Vec::new(),
             chosen: None,
+            choice_size: None,
             drawn: None,
             stale: true,
             counters: RequestStats::default(),
@@ -224,16 +227,15 @@ impl Engine {
     /// changed, or not at all.
     pub fn step(&mut self, now: f64, request: &ViewRequest, target: Option<&FrameTarget<'_>>) -> FrameReport {
         let geometry = ViewGeometry::new(&request.camera, request.width, request.height);
-        let moved = self.chosen.as_ref() != Some(request);
-        if moved {
-            self.stream.choose(&geometry);
-            self.chosen = Some(request.clone());
+        let [width, height] = self.choice_size.unwrap_or([request.width, request.height]);
+        let choice = ViewRequest { width, height, ..request.clone() };
+        let arrived = self.upload();
+        // What has come says more about what lies below it.
+        if arrived || self.chosen.as_ref() != Some(&choice) {
+            self.stream.choose(&ViewGeometry::new(&choice.camera, width, height));
+            self.chosen = Some(choice);
         }
-        if self.upload() {
-            // What has come says more about what lies below it.
-            self.stream.choose(&geometry);
-            self.stale = true;
-        }
+        self.stale |= arrived;
         let plan = self.stream.plan(now);
         self.counters.started += plan.start.len() as u64;
         self.counters.cancelled += plan.cancel.len() as u64;
@@ -262,6 +264,12 @@ impl Engine {
             fading: self.stream.is_fading(),
             retry_at: self.stream.next_retry(),
         }
+    }
+
+    /// From now on tiles are chosen for a picture of this size, pixels, whatever the size of what is
+    /// drawn: a host that draws fewer pixels for a while does not want coarser tiles then.
+    pub fn choose_for(&mut self, size: [u32; 2]) {
+        self.choice_size = Some(size);
     }
 
     /// Whether a step with this view would draw a frame: a host that must not ask for a target in vain

@@ -46,7 +46,6 @@ async function main() {
   element("title").textContent = scene.name;
   element("attribution").textContent = scene.attribution.join(" · ");
   new Panel(map, scene);
-  canvas.focus({ preventScroll: true });
 
   window.treeline = Object.freeze({
     /** {lon, lat, height, heading_deg, pitch_deg, fov_y_deg} */

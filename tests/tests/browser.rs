@@ -64,7 +64,6 @@ fn browser_opens_flies_and_rests() -> anyhow::Result<()> {
 
     // By keyboard.
     let start = page.camera()?;
-    page.evaluate("document.getElementById('view').focus()")?;
     page.hold_key("KeyW", "w", Duration::from_millis(400))?;
     page.wait_for(&format!("window.treeline.camera().lat !== {}", start.lat), PATIENCE)?;
     page.settle()?;

@@ -1,5 +1,5 @@
-//! Dynamic resolution: while the picture moves, as many pixels as the adapter draws in time; once
-//! it is still, all of them.
+//! Dynamic resolution: while the picture moves or tiles come in, as many pixels as the adapter draws
+//! in time; once it is still, all of them.
 
 /// Scales of the picture's sides that are used, finest first. Few, so that the surface is seldom
 /// configured anew.
@@ -9,6 +9,8 @@ pub const SCALES: [f64; 5] = [1.0, 0.75, 0.5, 0.35, 0.25];
 const TARGET_MILLISECONDS: f64 = 40.0;
 /// Seconds without motion after which the picture is refined.
 const STILL_SECONDS: f64 = 0.15;
+/// Seconds after a tile in which more are awaited: each would make a frame in full stale at once.
+const ARRIVAL_SECONDS: f64 = 0.4;
 
 /// Chooses the scale of each frame.
 #[derive(Clone, Debug)]
@@ -17,13 +19,13 @@ pub struct Resolution {
     moving: usize,
     /// Milliseconds of a frame at full scale, smoothed; 0 where none was measured.
     full_milliseconds: f64,
-    /// When something moved last, seconds.
-    moved_at: f64,
+    /// When the picture counts as still, seconds.
+    still_at: f64,
 }
 
 impl Default for Resolution {
     fn default() -> Self {
-        Self { moving: 0, full_milliseconds: 0.0, moved_at: f64::NEG_INFINITY }
+        Self { moving: 0, full_milliseconds: 0.0, still_at: f64::NEG_INFINITY }
     }
 }
 
@@ -35,7 +37,12 @@ impl Resolution {
 
     /// Notes that the camera moved, at `now` seconds.
     pub fn moved(&mut self, now: f64) {
-        self.moved_at = now;
+        self.still_at = self.still_at.max(now + STILL_SECONDS);
+    }
+
+    /// Notes that a tile came, at `now` seconds.
+    pub fn arrived(&mut self, now: f64) {
+        self.still_at = self.still_at.max(now + ARRIVAL_SECONDS);
     }
 
     /// Notes how long a frame took that was drawn at `scale`.
@@ -65,7 +72,7 @@ impl Resolution {
 
     /// Whether the picture has been still for long enough to be drawn in full.
     pub fn is_still(&self, now: f64) -> bool {
-        now - self.moved_at >= STILL_SECONDS
+        now >= self.still_at
     }
 }
 
@@ -80,6 +87,9 @@ mod tests {
         resolution.moved(1.0);
         assert_eq!(resolution.scale(1.05), 0.5);
         assert_eq!(resolution.scale(1.2), 1.0);
+        resolution.arrived(2.0);
+        assert_eq!(resolution.scale(2.3), 0.5);
+        assert_eq!(resolution.scale(2.5), 1.0);
     }
 
     #[test]

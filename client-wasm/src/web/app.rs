@@ -218,7 +218,8 @@ impl App {
         if full {
             session.engine.invalidate();
         }
-        let (report, more) = session.step(now, state.controls.camera(), size, state.sun_unix_seconds);
+        let (report, more) =
+            session.step(now, state.controls.camera(), size, state.size, state.sun_unix_seconds);
         if report.drawn {
             state.in_flight += 1;
             state.scale = scale;
@@ -356,6 +357,9 @@ impl App {
                 (Ok(_), _) => state.failures_in_row = 0,
                 (Err(_), true) => state.failures_in_row += 1,
                 (Err(_), false) => {}
+            }
+            if answer.is_ok() {
+                state.resolution.arrived(now);
             }
             current.engine.deliver(now, id, answer);
             match (before >= FAILURES_TO_TELL, state.failures_in_row >= FAILURES_TO_TELL) {

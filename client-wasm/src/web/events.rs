@@ -5,7 +5,7 @@ use crate::controls::{Grip, Input, Key};
 use std::rc::{Rc, Weak};
 use wasm_bindgen::prelude::*;
 use web_sys::{
-    AddEventListenerOptions, Event, EventTarget, HtmlCanvasElement, KeyboardEvent, PointerEvent,
+    AddEventListenerOptions, Element, Event, EventTarget, HtmlCanvasElement, KeyboardEvent, PointerEvent,
     ResizeObserver, WheelEvent, Window,
 };
 
@@ -48,9 +48,9 @@ pub fn listen(app: &Rc<App>, canvas: &HtmlCanvasElement, window: &Window) -> Res
         let (x, y) = (f64::from(event.offset_x()), f64::from(event.offset_y()));
         app.input(Input::Wheel { x, y, pixels });
     })?;
-    on(app, on_canvas, "keydown", |app, event: KeyboardEvent| {
-        // Ctrl and Alt belong to the browser.
-        if event.ctrl_key() || event.alt_key() || event.meta_key() {
+    on(app, window, "keydown", |app, event: KeyboardEvent| {
+        // Ctrl and Alt belong to the browser, and what is typed into a field to the field.
+        if event.ctrl_key() || event.alt_key() || event.meta_key() || is_field(&event) {
             return;
         }
         if let Some(key) = Key::from_names(&event.code(), &event.key()) {
@@ -66,7 +66,6 @@ pub fn listen(app: &Rc<App>, canvas: &HtmlCanvasElement, window: &Window) -> Res
         }
     })?;
     on(app, window, "blur", |app, _: Event| app.input(Input::Blur))?;
-    on(app, on_canvas, "blur", |app, _: Event| app.input(Input::Blur))?;
     on(app, window, "hashchange", |app, _: Event| app.follow_address())?;
     let weak = Rc::downgrade(app);
     let resized = Closure::<dyn FnMut()>::new(move || with(&weak, App::canvas_resized));
@@ -102,6 +101,12 @@ fn with(app: &Weak<App>, work: impl FnOnce(&App)) {
     if let Some(app) = app.upgrade() {
         work(&app);
     }
+}
+
+/// Whether the keys go into a field of the panel.
+fn is_field(event: &KeyboardEvent) -> bool {
+    let element = event.target().and_then(|target| target.dyn_into::<Element>().ok());
+    element.is_some_and(|element| ["INPUT", "SELECT", "TEXTAREA"].contains(&element.tag_name().as_str()))
 }
 
 /// CSS pixels from the canvas's corner.

@@ -4,15 +4,11 @@ use super::failure::Failure;
 use super::graphics::Graphics;
 use crate::controls::Ground;
 use crate::engine::{DEFAULT_SHADOW_STEPS, Engine, EngineError, EngineOptions, FrameReport, ViewRequest};
-use crate::stream::StreamOptions;
 use crate::stream::requests::RequestId;
 use std::collections::HashMap;
 use treeline_core::camera::GeographicCamera;
 use treeline_core::scene::SceneDescription;
 use web_sys::AbortController;
-
-/// Slots where pixels come from the processor: less memory, and a picture of fewer pixels needs fewer.
-const SOFTWARE_SLOTS: (u32, u32) = (64, 96);
 
 /// A device with an engine on it.
 pub struct Session {
@@ -31,10 +27,8 @@ impl Session {
     pub fn new(graphics: Graphics, scene: &SceneDescription, number: u32) -> Result<Self, Failure> {
         let mut options = EngineOptions::default();
         if graphics.is_software() {
-            let (elevation_slots, texture_slots) = SOFTWARE_SLOTS;
             // Fading in would be ten more frames, each of them slow.
-            options.stream =
-                StreamOptions { elevation_slots, texture_slots, fade_seconds: 0.0, ..options.stream };
+            options.stream.fade_seconds = 0.0;
         }
         let engine = Engine::new(graphics.context.clone(), scene.clone(), options).map_err(|error| {
             let kind = if matches!(error, EngineError::Stream(_)) { "empty-scene" } else { "failed" };
@@ -48,18 +42,20 @@ impl Session {
         if self.graphics.is_software() { 1 } else { 2 }
     }
 
-    /// One step; draws into the canvas where there is something new to draw. Gives the report, and
+    /// One step with a picture of `size`, and tiles as for one of `full_size`; draws into the canvas where there is something new to draw. Gives the report, and
     /// whether another step has something to do at once.
     pub fn step(
         &mut self,
         now: f64,
         camera: GeographicCamera,
         size: (u32, u32),
+        full_size: (u32, u32),
         sun_unix_seconds: Option<f64>,
     ) -> (FrameReport, bool) {
         if self.graphics.resize(size.0, size.1) {
             self.engine.invalidate();
         }
+        self.engine.choose_for([full_size.0, full_size.1]);
         let request = ViewRequest {
             camera,
             width: size.0,
