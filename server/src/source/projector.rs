@@ -15,7 +15,7 @@ const COARSE: i64 = 32;
 /// Samples between anchors in a cell that bends.
 const FINE: i64 = 8;
 /// Greatest difference at a cell's middle, source pixels.
-const TOLERANCE: f64 = 0.001;
+const TOLERANCE: f64 = 0.000_2;
 
 type Pixel = (f64, f64);
 const NOWHERE: Pixel = (f64::NAN, f64::NAN);

@@ -352,7 +352,7 @@ impl Layout {
         let piece = if strips == 1 {
             target
         } else {
-            (1..=target).rev().find(|piece| rows % piece == 0).unwrap_or(1)
+            (1..=target).rev().find(|&piece| rows.is_multiple_of(piece)).unwrap_or(1)
         };
         let (mut offsets, mut counts) = (Vec::new(), Vec::new());
         for plane in 0..planes {

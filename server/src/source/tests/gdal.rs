@@ -3,7 +3,7 @@
 
 use super::data;
 use crate::source::{
-    ColourField, HeightField, HeightOptions, SampleGrid, SourceOptions, open_colour, open_height,
+    ColourField, HeightField, HeightOptions, RequestCrs, SampleGrid, SourceOptions, open_colour, open_height,
 };
 use std::path::Path;
 use std::process::Command;
@@ -190,5 +190,86 @@ fn photos_agree_with_gdal() {
             "{name} level {level}: {count} samples, mean difference {error:.3}, shift {dx:.4} × {dy:.4} samples"
         );
         assert!(count > 1000.0 && error < 1.5 && dx < 0.1 && dy < 0.1, "{name}: {count} {error} {dx} {dy}");
+    }
+}
+
+/// Prints nothing, writes what GDAL reads: the first band as Float32, or red, green and blue as bytes.
+const READER: &str = r#"
+import sys
+import numpy as np
+from osgeo import gdal
+gdal.UseExceptions()
+kind, path, out = sys.argv[1:4]
+source = gdal.Open(path)
+if kind == 'height':
+    source.GetRasterBand(1).ReadAsArray().astype('<f4').tofile(out)
+else:
+    if source.GetRasterBand(1).GetColorTable():
+        source = gdal.Translate('', path, format='MEM', rgbExpand='rgb')
+    bands = [source.GetRasterBand(min(i, source.RasterCount)).ReadAsArray() for i in (1, 2, 3)]
+    np.stack(bands, -1).astype('u1').tofile(out)
+print(source.RasterXSize, source.RasterYSize)
+"#;
+
+/// Files without a georeference get one by a world file beside a copy: a pixel is a metre.
+#[test]
+fn odd_encodings_read_as_gdal_reads_them() {
+    let cases = [
+        ("height", "float16.tif", 0.0),
+        ("height", "int16_negative.tif", 0.0),
+        ("height", "int16_zstd.tif", 0.0),
+        ("height", "predictor3_f32_lzw.tif", 0.0),
+        ("height", "u16_no_georeference.tif", 0.0),
+        ("photo", "bigtiff_be.tif", 0.0),
+        ("photo", "bigtiff_le.tif", 0.0),
+        ("photo", "jpeg_tiles.tif", 6.0),
+        ("photo", "no_rows_per_strip.tif", 0.0),
+        ("photo", "palette_4bit.tif", 0.0),
+        ("photo", "planar_rgb.tif", 0.0),
+    ];
+    for (kind, name, allowed) in cases {
+        let (Some(original), Some(python)) = (data::find("robust_tiff_encodings"), python()) else { return };
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(name);
+        std::fs::copy(original.join(name), &path).unwrap();
+        std::fs::write(path.with_extension("tfw"), "1\n0\n0\n-1\n500000.5\n5999999.5\n").unwrap();
+        let out = folder.path().join("out");
+        let output = Command::new(python).args(["-c", READER, kind]).arg(&path).arg(&out).output().unwrap();
+        assert!(output.status.success(), "{name}: {}", String::from_utf8_lossy(&output.stderr));
+        let text = String::from_utf8(output.stdout).unwrap();
+        let size: Vec<u32> = text.split_whitespace().map(|word| word.parse().unwrap()).collect();
+        let (width, height) = (size[0], size[1]);
+        let theirs = std::fs::read(&out).unwrap();
+        let grid = SampleGrid::Box {
+            crs: RequestCrs::Projected(32632),
+            west: 500_000.0,
+            south: 6_000_000.0 - f64::from(height),
+            east: 500_000.0 + f64::from(width),
+            north: 6_000_000.0,
+            width,
+            height,
+        };
+        let source = SourceOptions { assume_crs: Some("EPSG:32632".to_owned()), nodata: None };
+        let mut most = 0.0_f32;
+        if kind == "height" {
+            let field = open_height(&path, &HeightOptions { source, ..HeightOptions::default() }).unwrap();
+            let mut heights = vec![0.0; grid.len()];
+            field.sample(&grid, &mut heights).unwrap();
+            for (found, stored) in heights.iter().zip(theirs.chunks_exact(4)) {
+                let stored = f32::from_le_bytes(stored.try_into().unwrap());
+                most = most.max(if found.is_nan() { f32::INFINITY } else { (found - stored).abs() });
+            }
+        } else {
+            let field = open_colour(&path, &source).unwrap();
+            let mut colours = vec![[0; 4]; grid.len()];
+            field.sample(&grid, &mut colours).unwrap();
+            for (found, stored) in colours.iter().zip(theirs.chunks_exact(3)) {
+                assert_eq!(found[3], 255, "{name}");
+                for channel in 0..3 {
+                    most = most.max(f32::from(found[channel].abs_diff(stored[channel])));
+                }
+            }
+        }
+        assert!(most <= allowed, "{name}: off by {most}");
     }
 }

@@ -157,8 +157,8 @@ fn neighbours_share_bits_and_parents_are_their_children() {
             for column in 0..width / 2 {
                 let (parent, child) = (here[row * width + column], finer[2 * row * width + 2 * column]);
                 assert_eq!(parent.is_nan(), child.is_nan());
-                // Anchors differ between levels: a thousandth of a pixel on slopes of 740 m a pixel.
-                assert!(parent.is_nan() || (parent - child).abs() < 2.0, "{parent} {child}");
+                // Anchors differ between levels: a fraction of a thousandth of a pixel on slopes of 740 m a pixel.
+                assert!(parent.is_nan() || (parent - child).abs() < 0.3, "{parent} {child}");
                 shared += usize::from(!parent.is_nan());
             }
         }
@@ -409,7 +409,7 @@ fn classes_are_never_blended() {
         let latitude = window.latitude(window.first_row + index as i64 / 512);
         let (column, row) = (((longitude - 8.0) / 0.001).floor(), ((46.0 - latitude) / 0.001).floor());
         let expected = if (0.0..100.0).contains(&column) && (0.0..100.0).contains(&row) {
-            if (column as u32 / 3 + row as u32 / 3) % 2 == 0 { forest } else { rock }
+            if (column as u32 / 3 + row as u32 / 3).is_multiple_of(2) { forest } else { rock }
         } else {
             Cover::default()
         };
