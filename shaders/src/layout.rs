@@ -125,7 +125,7 @@ impl Leaf {
 
 /// Integer cell and fraction (0 ≤ fraction < 1, in f32 too) of a coordinate in cells.
 pub(crate) fn cell_and_fraction(coordinate: f64) -> (i32, f64) {
-    let cell = coordinate.floor().clamp(-2.0e9, 2.0e9);
+    let cell = coordinate.floor().clamp(-1.0e9, 1.0e9);
     let fraction = coordinate - cell;
     if fraction as f32 == 1.0 { (cell as i32 + 1, 0.0) } else { (cell as i32, fraction) }
 }

@@ -42,8 +42,15 @@ fn is_void(nodes: vec4<f32>) -> bool {
     return min(min(nodes.x, nodes.y), min(nodes.z, nodes.w)) <= VOID_HEIGHT;
 }
 
-fn node_maximum(slot: u32, node: vec2<i32>, level: u32) -> f32 {
-    return textureLoad(maxima, node, slot, level - 1u).x;
+// The maxima of a node's four children, which lie on `level`. A child beyond the mip is never asked about.
+fn family_maxima(slot: u32, parent: vec2<i32>, level: u32) -> vec4<f32> {
+    let texel = 2 * parent;
+    return vec4<f32>(
+        textureLoad(maxima, texel, slot, level - 1u).x,
+        textureLoad(maxima, texel + vec2<i32>(1, 0), slot, level - 1u).x,
+        textureLoad(maxima, texel + vec2<i32>(0, 1), slot, level - 1u).x,
+        textureLoad(maxima, texel + vec2<i32>(1, 1), slot, level - 1u).x,
+    );
 }
 
 fn node_minimum(slot: u32, node: vec2<i32>, level: u32) -> f32 {
@@ -93,6 +100,12 @@ fn clear_of_ceiling(segment: Segment, r: f32, end: f32) -> Clearance {
     return Clearance(false, advance_to_plane(height_in, rise, curvature, segment.ceiling, slack));
 }
 
+// The level on which to go on in a node that is left after `cells` more: a large node tells little about a short way.
+fn level_below(level: u32, cells: f32) -> u32 {
+    let whole = 1u + u32(clamp(cells, 1.0, 65536.0));
+    return min(level - 1u, firstLeadingBit(whole) + 1u);
+}
+
 // Casts the segment from r = start; the ray enters its first cell there, having stepped by `entered`
 // (0, 0 where it did not cross a line). Levels go no higher than `top`.
 fn max_mip(
@@ -127,12 +140,12 @@ fn max_mip(
         level = top;
         (*carried).side = SIDE_ABOVE;
     }
-    var cell = clamp(
-        segment.cell + vec2<i32>(floor(segment.place + r * segment.slope)),
-        segment.first,
-        segment.end - 1,
-    );
+    var cell = cell_at(segment, r, segment.first, segment.end);
     cell = select(cell, select(segment.end - 1, segment.first, forward), step != vec2<i32>(0));
+
+    var family = vec2<i32>(0);
+    var family_level = 0u;
+    var maximum_of = vec4<f32>(0.0);
 
     // Each cell and each node is entered once: a bound that only a defect could reach.
     let limit = 64 + 8 * (segment.end.x - segment.first.x + segment.end.y - segment.first.y);
@@ -151,9 +164,16 @@ fn max_mip(
         let slack = height_slack(segment, height_in, height_out);
         let sag = curvature * span * span * 0.25;
 
-        (*carried).fetches += 1u;
         if level > 0u {
-            let maximum = node_maximum(slot, node, level);
+            // One gather serves all four children of a parent: a ray that comes to one mostly comes to another.
+            let parent = node >> vec2<u32>(1u);
+            if family_level != level || any(family != parent) {
+                family_level = level;
+                family = parent;
+                maximum_of = family_maxima(slot, parent, level);
+                (*carried).fetches += 1u;
+            }
+            let maximum = maximum_of[u32(node.x & 1) + 2u * u32(node.y & 1)];
             let lowest = min(height_in, height_out) - max(sag, 0.0) - slack;
             if maximum <= VOID_HEIGHT {
                 (*carried).side = SIDE_UNKNOWN;
@@ -174,16 +194,17 @@ fn max_mip(
                             r = min(r + advance, r_out);
                             step = vec2<i32>(0);
                             (*carried).side = SIDE_ABOVE;
-                            let place = vec2<i32>(floor(segment.place + r * segment.slope));
-                            cell = clamp(segment.cell + place, low, high - 1);
+                            cell = cell_at(segment, r, low, high);
                         }
                     }
-                    level -= 1u;
+                    let left = abs((r_out - r) * segment.slope);
+                    level = level_below(level, max(left.x, left.y));
                     continue;
                 }
                 (*carried).side = SIDE_BELOW;
             }
         } else {
+            (*carried).fetches += 1u;
             let nodes = patch_nodes(slot, cell);
             if is_void(nodes) {
                 (*carried).side = SIDE_UNKNOWN;
@@ -223,8 +244,7 @@ fn max_mip(
         if any(outside) {
             return Crossing(false, r, select(vec2<i32>(0), direction, outside));
         }
-        let place = vec2<i32>(floor(segment.place + r * segment.slope));
-        let within = clamp(segment.cell + place, low, high - 1);
+        let within = cell_at(segment, r, low, high);
         let next = select(within, select(low - 1, high, forward), crossed);
         if level < top && any((next >> (shift + 1u)) != (node >> vec2<u32>(1u))) {
             level += 1u;

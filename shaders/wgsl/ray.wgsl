@@ -34,6 +34,9 @@ struct Segment {
 // Slopes below this cross no cell within any distance there is.
 const LEAST_SLOPE: f32 = 1.0e-18;
 
+// Cells are counted no farther than this from the eye's, nor the eye's from the tile: sums of two fit 32 bits.
+const FARTHEST_CELL: f32 = 1.0e9;
+
 // Place of a pixel's centre in the picture, −1…1, right and up.
 fn picture_place(pixel: vec2<u32>) -> vec2<f32> {
     let place = (vec2<f32>(pixel) + 0.5) * 2.0 / vec2<f32>(view.size) - 1.0;
@@ -90,7 +93,7 @@ fn straight_length(along: LeafRay) -> f32 {
 fn segment_of(along: LeafRay, s: f32, length: f32, leaf: Leaf) -> Segment {
     var segment: Segment;
     let place = vec2<f32>(quadratic_at(along.u, s), quadratic_at(along.v, s));
-    let whole = floor(place);
+    let whole = clamp(floor(place), vec2<f32>(-FARTHEST_CELL), vec2<f32>(FARTHEST_CELL));
     segment.cell = leaf.eye_cell + vec2<i32>(whole);
     segment.place = place - whole;
     let ends = 2.0 * s + length;
@@ -104,6 +107,14 @@ fn segment_of(along: LeafRay, s: f32, length: f32, leaf: Leaf) -> Segment {
     segment.first = vec2<i32>(leaf.first_cell);
     segment.end = vec2<i32>(leaf.first_cell + leaf.cells);
     return segment;
+}
+
+// The cell at r: the clamped floor, low ≤ cell < high.
+fn cell_at(segment: Segment, r: f32, low: vec2<i32>, high: vec2<i32>) -> vec2<i32> {
+    let least = vec2<f32>(low - segment.cell);
+    let greatest = vec2<f32>(high - 1 - segment.cell);
+    let place = clamp(floor(segment.place + r * segment.slope), least, greatest);
+    return clamp(segment.cell + vec2<i32>(place), low, high - 1);
 }
 
 // Where the ray crosses integer lines of the tile, along u and along v; `length` where it never does.

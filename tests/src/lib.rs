@@ -9,3 +9,5 @@ pub mod height_field;
 pub mod picture;
 pub mod program;
 pub mod reference;
+pub mod terrain_gpu;
+pub mod tile_world;

@@ -1,7 +1,7 @@
 //! Twin of `max_mip.wgsl`: maximum mip, advance to a node's plane, exact patch, and the carried side.
 
 use super::patch::{first_crossing, ray_minus_patch};
-use super::ray::{Segment, crossings, quadratic_at};
+use super::ray::{Segment, cell_at, crossings, quadratic_at};
 use super::{Texels, World};
 use crate::layout::VOID_HEIGHT;
 use glam::{BVec2, IVec2, Vec2, Vec3, Vec4};
@@ -93,6 +93,12 @@ fn clear_of_ceiling(segment: &Segment, r: f32, end: f32) -> Clearance {
     Clearance { clear: false, advance: advance_to_plane(height_in, rise, curvature, segment.ceiling, slack) }
 }
 
+/// The level on which to go on in a node that is left after `cells` more: a large node tells little about a short way.
+fn level_below(level: u32, cells: f32) -> u32 {
+    let whole = 1 + cells.clamp(1.0, 65536.0) as u32;
+    (level - 1).min(whole.ilog2() + 1)
+}
+
 /// Casts the segment from r = start; the ray enters its first cell there, having stepped by `entered`
 /// (0, 0 where it did not cross a line). Levels go no higher than `top`.
 #[allow(clippy::too_many_arguments, reason = "the text of the shader")]
@@ -132,12 +138,13 @@ pub fn max_mip<T: Texels>(
         level = top;
         carried.side = Side::Above;
     }
-    let mut cell = (segment.cell + (segment.place + r * segment.slope).floor().as_ivec2())
-        .clamp(segment.first, segment.end - 1);
+    let mut cell = cell_at(segment, r, segment.first, segment.end);
     cell =
         IVec2::select(step.cmpne(IVec2::ZERO), IVec2::select(forward, segment.first, segment.end - 1), cell);
 
     let limit = 64 + 8 * (segment.end - segment.first).element_sum();
+    let mut family = IVec2::ZERO;
+    let mut family_level = 0;
     for _ in 0..limit {
         let node = cell >> IVec2::splat(level as i32);
         let low = (node << IVec2::splat(level as i32)).max(segment.first);
@@ -152,8 +159,13 @@ pub fn max_mip<T: Texels>(
         let slack = height_slack(segment, height_in, height_out);
         let sag = curvature * span * span * 0.25;
 
-        carried.fetches += 1;
         if level > 0 {
+            // The shader gathers all four children of a parent, and keeps them.
+            if family_level != level || family != node >> IVec2::ONE {
+                family_level = level;
+                family = node >> IVec2::ONE;
+                carried.fetches += 1;
+            }
             let maximum = world.texels.maximum(slot, level - 1, node.x, node.y);
             let lowest = height_in.min(height_out) - sag.max(0.0) - slack;
             if maximum <= VOID_HEIGHT {
@@ -175,16 +187,16 @@ pub fn max_mip<T: Texels>(
                             r = (r + advance).min(r_out);
                             step = IVec2::ZERO;
                             carried.side = Side::Above;
-                            let place = (segment.place + r * segment.slope).floor().as_ivec2();
-                            cell = (segment.cell + place).clamp(low, high - 1);
+                            cell = cell_at(segment, r, low, high);
                         }
                     }
-                    level -= 1;
+                    level = level_below(level, ((r_out - r) * segment.slope).abs().max_element());
                     continue;
                 }
                 carried.side = Side::Below;
             }
         } else {
+            carried.fetches += 1;
             let nodes = patch_nodes(world, slot, cell);
             if is_void(nodes) {
                 carried.side = Side::Unknown;
@@ -231,8 +243,7 @@ pub fn max_mip<T: Texels>(
         if outside.any() {
             return Crossing { hit: false, r, step: IVec2::select(outside, direction, IVec2::ZERO) };
         }
-        let place = (segment.place + r * segment.slope).floor().as_ivec2();
-        let within = (segment.cell + place).clamp(low, high - 1);
+        let within = cell_at(segment, r, low, high);
         let next = IVec2::select(crossed, IVec2::select(forward, high, low - 1), within);
         if level < top && next >> IVec2::splat(level as i32 + 1) != node >> IVec2::ONE {
             level += 1;

@@ -51,6 +51,9 @@ pub const LEAST_SLOPE: f32 = 1.0e-18;
 /// A segment is never longer, metres.
 pub const LONGEST: f32 = 2.0e7;
 
+/// Cells are counted no farther than this from the eye's, nor the eye's from the tile: sums of two fit 32 bits.
+pub const FARTHEST_CELL: Vec2 = Vec2::splat(1.0e9);
+
 /// Place of a pixel's centre in the picture, −1…1, right and up.
 pub fn picture_place(view: &View, pixel: UVec2) -> Vec2 {
     let place = (pixel.as_vec2() + 0.5) * 2.0 / UVec2::from_array(view.size).as_vec2() - 1.0;
@@ -106,7 +109,7 @@ pub fn straight_length(along: &LeafRay) -> f32 {
 /// The chord from s to s + length. Neighbouring segments share their ends; h stays exact.
 pub fn segment_of(along: &LeafRay, s: f32, length: f32, leaf: &Leaf) -> Segment {
     let place = Vec2::new(quadratic_at(along.u, s), quadratic_at(along.v, s));
-    let whole = place.floor();
+    let whole = place.floor().clamp(-FARTHEST_CELL, FARTHEST_CELL);
     let ends = 2.0 * s + length;
     let slope = Vec2::new(along.u.y + along.u.z * ends, along.v.y + along.v.z * ends);
     let crosses = slope.abs().cmpgt(Vec2::splat(LEAST_SLOPE));
@@ -127,6 +130,14 @@ pub fn segment_of(along: &LeafRay, s: f32, length: f32, leaf: &Leaf) -> Segment 
 pub fn crossings(segment: &Segment, lines: IVec2) -> Vec2 {
     let r = ((lines - segment.cell).as_vec2() - segment.place) * segment.inverse;
     Vec2::select(stands(segment), Vec2::splat(segment.length), r)
+}
+
+/// The cell at r: the clamped floor, low ≤ cell < high.
+pub fn cell_at(segment: &Segment, r: f32, low: IVec2, high: IVec2) -> IVec2 {
+    let least = (low - segment.cell).as_vec2();
+    let greatest = (high - 1 - segment.cell).as_vec2();
+    let place = (segment.place + r * segment.slope).floor().clamp(least, greatest);
+    (segment.cell + place.as_ivec2()).clamp(low, high - 1)
 }
 
 /// Along which axes the ray never crosses a line.
