@@ -14,7 +14,7 @@ fn world(own_share: &dyn Fn(TileAddress) -> f32) -> TileWorld {
     let south_east = TileAddress { level: 11, row: root.row + 1, column: root.column + 1 };
     let split = |square: TileAddress| match square.level {
         11 => square.column == root.column + 1 || square.row == root.row + 1,
-        12 => (square.column + square.row) % 3 == 0,
+        12 => (square.column + square.row).is_multiple_of(3),
         _ => false,
     };
     // A corner of the last root tile has nothing.
