@@ -15,7 +15,8 @@ fn main() -> ExitCode {
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
         Err(error) if error.use_stderr() => {
-            let program = std::env::args().nth(1).filter(|word| ["serve", "check", "seed"].contains(&word.as_str()));
+            let program =
+                std::env::args().nth(1).filter(|word| ["serve", "check", "seed"].contains(&word.as_str()));
             let program = program.map_or("treeline".to_owned(), |command| format!("treeline {command}"));
             return complain(&one_line(&error, &program), WRONG_USE);
         }

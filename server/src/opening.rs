@@ -20,8 +20,16 @@ use treeline_core::codec::elevation::CANOPY_QUANTUM_METRES;
 use treeline_core::seeds::Species;
 use treeline_core::tile::GeographicBox;
 
-/// Where the sun stands where nobody says: a summer morning, so that slopes have shape.
-pub const DEFAULT_SUN_TIME: &str = "2026-07-15T08:00:00Z";
+/// Where the sun stands where nobody says: half past nine on a summer morning by the scene's own sun,
+/// so that slopes have shape wherever on Earth they lie. RFC 3339, UTC.
+fn default_sun_time(bounds: &GeographicBox) -> String {
+    let (longitude, latitude) = bounds.centre();
+    let month = if latitude < 0.0 { 1 } else { 7 };
+    // The sun crosses 15° of longitude an hour; to the quarter hour is near enough, and stays on the day.
+    let minutes = ((9.5 - longitude / 15.0) * 60.0).rem_euclid(1440.0);
+    let minutes = (minutes / 15.0).round() as u32 * 15 % 1440;
+    format!("2026-{month:02}-15T{:02}:{:02}:00Z", minutes / 60, minutes % 60)
+}
 
 /// The seed of the forest where nobody says.
 const DEFAULT_SEED: u32 = 1;
@@ -94,7 +102,10 @@ pub fn open_file(file: &SceneFile) -> Result<Opened, UserError> {
         species,
         seed: file.seed.unwrap_or(DEFAULT_SEED),
         attribution: attribution(file),
-        sun_time: file.sun.as_ref().map_or(DEFAULT_SUN_TIME.to_owned(), |sun| sun.time.clone()),
+        sun_time: file
+            .sun
+            .as_ref()
+            .map_or_else(|| default_sun_time(&height.extent().bounds), |sun| sun.time.clone()),
         camera: match file.camera {
             Some(camera) => camera,
             None => default_camera(height.as_ref())?,
@@ -118,7 +129,10 @@ impl Place<'_> {
             return Ok(());
         }
         let text = |bounds: &GeographicBox| {
-            format!("{:.4} to {:.4}° E, {:.4} to {:.4}° N", bounds.west, bounds.east, bounds.south, bounds.north)
+            format!(
+                "{:.4} to {:.4}° E, {:.4} to {:.4}° N",
+                bounds.west, bounds.east, bounds.south, bounds.north
+            )
         };
         Err(UserError::new(format!(
             "{}: it lies at {}, away from the terrain {} at {}; check which files belong together and their CRSs (crs = \"EPSG:N\" in scene.toml overrides a file's)",
@@ -224,6 +238,7 @@ fn name_of(path: &Path) -> String {
 mod tests {
     use super::*;
     use crate::scene_file::ClassSetting;
+    use treeline_core::sun::{SunPosition, unix_seconds_from_rfc3339};
 
     #[test]
     fn classes_become_cover() {
@@ -251,5 +266,18 @@ mod tests {
         )
         .unwrap();
         assert_eq!(attribution(&file), ["a", "b", "c"]);
+    }
+
+    #[test]
+    fn the_default_sun_is_well_up_everywhere_that_has_days() {
+        for longitude in [-180.0, -114.0, 0.0, 8.3, 114.2, 179.9, 181.0] {
+            for latitude in [-54.0, -33.9, 0.0, 22.0, 46.6, 61.5] {
+                let bounds =
+                    GeographicBox { west: longitude, south: latitude, east: longitude, north: latitude };
+                let time = unix_seconds_from_rfc3339(&default_sun_time(&bounds)).unwrap();
+                let up = SunPosition::at(time, longitude, latitude).direction_enu();
+                assert!(up.z > 0.45 && up.x > 0.3, "{longitude} {latitude}: {up}");
+            }
+        }
     }
 }

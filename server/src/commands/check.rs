@@ -13,13 +13,19 @@ pub fn check(arguments: &ServeArguments) -> Result<(), UserError> {
     let config = super::config(arguments)?;
     let Opened { scene, facts } = match arguments.scene.scene_file()? {
         Some(file) => open_file(&file)?,
-        None => Opened { scene: built_in()?, facts: vec![("scene", "built-in, made on demand; no files".to_owned())] },
+        None => Opened {
+            scene: built_in()?,
+            facts: vec![("scene", "built-in, made on demand; no files".to_owned())],
+        },
     };
     let (low, high) = scene.height.range();
     let mut lines: Vec<String> = facts.iter().map(|(role, text)| format!("{role}: {text}")).collect();
     lines.push(format!("scene: {}", scene.name));
     lines.push(format!("  heights     {low:.1} … {high:.1} m"));
-    let cover = match (&scene.cover, facts.iter().any(|(role, _)| matches!(*role, "land cover" | "canopy height" | "topographic map"))) {
+    let cover = match (
+        &scene.cover,
+        facts.iter().any(|(role, _)| matches!(*role, "land cover" | "canopy height" | "topographic map")),
+    ) {
         (None, _) => "none: nothing says where trees are",
         (Some(_), true) => "from the sources above",
         (Some(_), false) if facts.iter().any(|(role, _)| *role == "photo") => "by a rule on the photo",

@@ -23,8 +23,8 @@ mod tests;
 
 pub use description::Description;
 pub use open::{
-    HeightOptions, SourceOptions, open_canopy_height, open_colour, open_height, open_land_cover, open_topographic_map,
-    photo_cover,
+    HeightOptions, SourceOptions, open_canopy_height, open_colour, open_height, open_land_cover,
+    open_topographic_map, photo_cover,
 };
 
 use treeline_core::grid::LatticeWindow;
