@@ -8,7 +8,7 @@ use crate::output;
 use crate::statistics::{self, fetch_statistics};
 use serde_json::json;
 use treeline_client::headless;
-use treeline_client::passes::height_field::{
+use treeline_client::headless::height_field::{
     HeightFieldError, HeightFieldFrame, HeightFieldOptions, render_height_field,
 };
 use treeline_shaders::height_field::HeightField;

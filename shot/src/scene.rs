@@ -19,9 +19,9 @@ pub fn shoot(arguments: &Arguments) -> Result<(), ShotError> {
         output::check_picture(picture)?;
     }
     let camera = arguments.camera.as_deref().map(camera_file::geographic).transpose()?;
-    let gpu = headless::open(arguments.adapter.into())?;
     let host = Host::open(arguments)?;
     let scene = host.scene()?;
+    let gpu = headless::open(arguments.adapter.into())?;
     let [width, height] = arguments.size;
     let view = ViewRequest {
         camera: camera.unwrap_or(scene.camera),

@@ -6,7 +6,10 @@
 pub mod adapter;
 pub mod capture;
 pub mod fetch;
+pub mod height_field;
 pub mod session;
+#[cfg(test)]
+mod tests;
 
 pub use adapter::{AdapterChoice, open};
 pub use capture::Capture;

@@ -7,6 +7,7 @@ use crate::engine::{Engine, FrameReport, Payload, TileRequest, ViewRequest};
 use crate::frame::FrameTarget;
 use crate::stream::requests::{FetchFailure, RequestId};
 use std::collections::HashMap;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -69,7 +70,10 @@ impl Session {
                     loop {
                         let next = asked.lock().unwrap_or_else(PoisonError::into_inner).recv();
                         let Ok(request) = next else { return };
-                        let payload = fetch_tile(fetcher, request.key, &request.url);
+                        // A panic must not leave the request unanswered, and the loop waiting for ever.
+                        let fetch = AssertUnwindSafe(|| fetch_tile(fetcher, request.key, &request.url));
+                        let payload = catch_unwind(fetch)
+                            .unwrap_or_else(|_| Err(FetchFailure::Permanent("the fetcher panicked".into())));
                         if answer.send((request.id, payload)).is_err() {
                             return;
                         }

@@ -13,7 +13,7 @@ pub mod tile_choice;
 pub mod view;
 
 #[cfg(test)]
-mod simulation;
+pub(crate) mod simulation;
 
 use decode::ElevationSummary;
 use page_table::{ElevationInput, FitCache, Tables};
