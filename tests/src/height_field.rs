@@ -3,7 +3,7 @@
 use crate::gpu::software_gpu;
 use crate::reference::measure::{Errors, truth};
 use crate::reference::{Camera, Ground};
-use treeline_client::passes::height_field::{HeightFieldFrame, HeightFieldOptions, render_height_field};
+use treeline_client::headless::height_field::{HeightFieldFrame, HeightFieldOptions, render_height_field};
 use treeline_shaders::height_field::{HeightField, PlaneCamera, Prepared, Samples};
 
 /// The ground as the code under test takes it.

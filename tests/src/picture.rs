@@ -1,7 +1,9 @@
 //! Comparing pictures: by mean error and by the share of pixels that differ, two separate limits.
 //! Adapters differ at silhouettes by up to everything, so the largest difference says nothing.
 
+use anyhow::Context;
 use image::RgbaImage;
+use std::path::PathBuf;
 
 /// How two pictures differ.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,6 +31,18 @@ pub fn difference(first: &RgbaImage, second: &RgbaImage, threshold: u8) -> Diffe
     }
     let pixels = f64::from(first.width()) * f64::from(first.height());
     Difference { mean: sum as f64 / (3.0 * pixels), share_over: over as f64 / pixels }
+}
+
+/// Keeps a picture for whoever looks at a failed test, in `failed-images` beside the test program's
+/// profile folder; gives its path.
+pub fn keep(name: &str, picture: &RgbaImage) -> anyhow::Result<PathBuf> {
+    let program = std::env::current_exe()?;
+    let folder =
+        program.ancestors().nth(3).context("a test lies in target/PROFILE/deps")?.join("failed-images");
+    std::fs::create_dir_all(&folder)?;
+    let path = folder.join(format!("{name}.png"));
+    picture.save(&path)?;
+    Ok(path)
 }
 
 /// Standard deviation of the brightness, of 255: near 0 for a picture that shows nothing.

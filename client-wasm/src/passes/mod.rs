@@ -1,7 +1,5 @@
 //! The passes: one file each, named as its shader. Pipelines are made when first needed.
 
-#[cfg(feature = "headless")]
-pub mod height_field;
 pub mod maximum_mip;
 pub mod shade;
 pub mod terrain;
