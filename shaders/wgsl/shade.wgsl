@@ -141,17 +141,23 @@ fn shaded_ground(direction: vec3<f32>, distance: f32, hit: vec4<u32>, dither: f3
 
     var radiance = bare_radiance(lit, base);
     if cover.snow > 0.0 {
-        let white = mix(base, vec3<f32>(0.86, 0.88, 0.91), 0.6);
+        // Only what the photo shows bright is made whiter: a classifier takes much for snow.
+        let white = mix(base, vec3<f32>(0.86, 0.88, 0.91), 0.6 * smoothstep(0.15, 0.6, luminance(base)));
         radiance = mix(radiance, snow_radiance(lit, white), cover.snow);
     }
     if WITH_CANOPY {
         let forest = max(cover.canopy, smoothstep(0.5, 3.0, cover.canopy_height));
         if forest > 0.0 {
             let radius = i32(clamp(round(3.0 / cell_metres.y), 1.0, 4.0));
-            let crown = crown_place(cell, slot, cover.canopy_height, radius);
+            // Where cells are wider than 2 m the heights hold only the crowns' mean: the darkness of gaps and
+            // of the crowns' own far sides must come from here, the same on every level.
+            let unresolved = smoothstep(1.2, 2.2, cell_metres.y);
+            let crown = mix(crown_place(cell, slot, cover.canopy_height, radius), 0.45, unresolved);
+            // No two trees, and no two stands, are of one green.
             let crown_tint = metric_noise(ground, 7.0, footprint, 21u);
+            let stand_tint = metric_noise(ground, 30.0, footprint, 26u) + metric_noise(ground, 90.0, footprint, 27u);
             // Crowns too small for the heights still give the canopy its grain.
-            let grain = metric_noise(ground, 4.5, footprint, 22u) * saturate(cell_metres.y / 3.0 - 0.3);
+            let grain = metric_noise(ground, 4.5, footprint, 22u) * (0.1 + 0.9 * unresolved);
             let wide = normal_of(frame, slope_at(cell, slot, max(reach, radius + 1)));
             // Boughs and twigs: light and dark within a crown, and a rough outline to the light.
             let bough = upright_noise(ground, 1.6, footprint, 23u);
@@ -159,14 +165,15 @@ fn shaded_ground(direction: vec3<f32>, distance: f32, hit: vec4<u32>, dither: f3
             let rough = vec3<f32>(bough, upright_noise(ground, 1.2, footprint, 25u), twig);
             var forest_lit = lit;
             forest_lit.normal = normalize(normal + 0.8 * wide + 0.15 * up + 0.45 * rough);
-            let leaf = forest_reflectance(base) * (1.0 + 0.16 * crown_tint + 0.18 * bough + 0.16 * twig);
+            let tint = 1.0 + 0.16 * crown_tint + 0.10 * stand_tint + 0.18 * bough + 0.16 * twig;
+            let leaf = forest_reflectance(base) * (0.93 - 0.15 * unresolved) * tint;
             let place_in_crown = saturate(crown + 0.3 * grain - 0.1 * abs(grain) + 0.2 * bough);
             radiance = mix(radiance, canopy_radiance(forest_lit, leaf, place_in_crown), forest);
         }
     }
     if WITH_WATER {
         if cover.water > 0.0 {
-            let ripple_size = 0.03 * saturate(1.5 - footprint / 6.0) + 0.004;
+            let ripple_size = 0.022 * saturate(1.5 - footprint / 6.0) + 0.004;
             let ripple = vec3<f32>(metric_noise(ground, 3.0, 0.25 * footprint, 31u), metric_noise(ground, 3.0, 0.25 * footprint, 32u), 0.0) * ripple_size;
             let body = mix(min(base * 0.5, vec3<f32>(0.06)), vec3<f32>(0.008, 0.026, 0.034), 0.6);
             radiance = mix(radiance, water_radiance(lit, body, ripple), smoothstep(0.3, 0.7, cover.water));

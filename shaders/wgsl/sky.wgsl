@@ -137,8 +137,8 @@ fn air_along(direction: vec3<f32>, start: f32, end: f32, steps: u32) -> Air {
     return air;
 }
 
-// What a ray sees that meets no data: sky, sun, the Earth's limb; below the horizon a sea of haze, which
-// gives way to the globe's own face as the eye leaves the air.
+// What a ray sees that meets no data: sky, sun, the Earth's limb; below the horizon a dim globe, half
+// veiled by a haze that thins as the eye leaves the air, so that the data's edge is no cliff of light.
 fn sky(direction: vec3<f32>) -> vec3<f32> {
     let globe = stretch_below(direction.z, 0.0);
     let meets_globe = globe.y > 0.0 && (direction.z < 0.0 || view.up.w < 0.0);
@@ -147,13 +147,14 @@ fn sky(direction: vec3<f32>) -> vec3<f32> {
         return air.inscatter + air.transmittance * sun_disc(direction);
     }
     let air = air_along(direction, 0.0, globe.x, 10u);
-    // In a sea of haze the light comes from everywhere: the horizon's colour in that direction.
+    // In a veil of haze the light comes from everywhere: the horizon's colour in that direction.
     let level = normalize(vec3<f32>(direction.xy + vec2<f32>(1e-6, 0.0), 0.0));
     let haze = air_along(level, 0.0, 1e9, 8u).inscatter;
     let up = normalize(vec3<f32>(0.0, 0.0, view.sun.w + view.up.w) + globe.x * direction);
     let cosine = dot(up, view.sun.xyz);
     let face = vec3<f32>(0.022, 0.045, 0.075) * (sun_transmittance(0.0, cosine) * max(cosine, 0.0) + sky_ambient(cosine));
-    return air.inscatter + air.transmittance * mix(haze, face, smoothstep(6000.0, 60000.0, view.up.w));
+    let veil = mix(1.0, 0.4, smoothstep(0.0, 0.05, -dot(up, direction))) * (1.0 - smoothstep(6000.0, 60000.0, view.up.w));
+    return air.inscatter + air.transmittance * mix(face, haze, veil);
 }
 
 // Radiance of the sun's disc, darker toward its rim; far less than the truth, or its mirror images would be all noise.

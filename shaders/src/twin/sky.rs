@@ -164,8 +164,9 @@ pub fn sky(view: &View, direction: Vec3) -> Vec3 {
     let cosine = up.dot(sun(view));
     let face = Vec3::new(0.022, 0.045, 0.075)
         * (sun_transmittance(view, 0.0, cosine) * cosine.max(0.0) + sky_ambient(cosine));
-    let seen_from_space = smoothstep(6_000.0, 60_000.0, view.up[3]);
-    air.inscatter + air.transmittance * (haze * (1.0 - seen_from_space) + face * seen_from_space)
+    let veil = mix(1.0, 0.4, smoothstep(0.0, 0.05, -up.dot(direction)))
+        * (1.0 - smoothstep(6_000.0, 60_000.0, view.up[3]));
+    air.inscatter + air.transmittance * (face * (1.0 - veil) + haze * veil)
 }
 
 /// Radiance of the sun's disc.
