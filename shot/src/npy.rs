@@ -99,7 +99,7 @@ fn shape(text: &str) -> Result<Vec<usize>, String> {
 }
 
 fn numbers<T, const N: usize>(data: &[u8], count: usize, from: fn([u8; N]) -> T) -> Result<Vec<T>, String> {
-    let wanted = count.checked_mul(N).unwrap_or(usize::MAX);
+    let wanted = count.saturating_mul(N);
     if data.len() < wanted {
         return Err(format!(
             "it has {} bytes of samples where its header promises {wanted}; it was cut off",

@@ -7,7 +7,6 @@ pub mod adapter;
 pub mod capture;
 pub mod fetch;
 pub mod height_field;
-pub mod height_field;
 pub mod session;
 #[cfg(test)]
 mod tests;

@@ -15,7 +15,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use treeline_core::camera::GeographicCamera;
 use treeline_core::grid::LatticeWindow;
 use treeline_core::layer::Layer;
-use treeline_core::tile::{GeographicBox, TileAddress};
+use treeline_core::tile::{GeographicBox, TileAddress, cell_metres};
 
 const WIDTH: u32 = 96;
 const HEIGHT: u32 = 64;
@@ -113,8 +113,10 @@ fn depths_are_those_of_the_analytic_world_and_no_ray_is_missed() {
         let direction = geometry.direction(f64::from(x) + 0.5, f64::from(y) + 0.5);
         let place = geometry.geodetic(direction * f64::from(distance));
         let error = place.height - hills(place.longitude, place.latitude);
-        // Far off cells are larger, and their bilinear patches stray further from the sine.
-        assert!(error.abs() < 0.3 + 1e-4 * f64::from(distance), "{error} m at {x}, {y}, {distance} m away");
+        // The chords of a ray stray by up to 1/16 cell sideways, the slope here is up to 0.6, and patches
+        // stray from the sine; the coarsest cells drawn are those of level 9.
+        let cell = (1.42 * f64::from(distance) * geometry.pixel_angle).min(cell_metres(9));
+        assert!(error.abs() < 0.3 + 0.04 * cell, "{error} m at {x}, {y}, {distance} m away");
     }
     assert!(hits > 4_000, "{hits}");
     let twin = session.engine.twin_hits();

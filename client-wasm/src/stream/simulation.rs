@@ -179,11 +179,14 @@ impl Simulation {
         let until = self.now + seconds;
         loop {
             let picture = self.frame(view);
-            if self.stream.has_all() && !self.stream.is_fading() && picture.is_some() {
+            if let Some(picture) = picture
+                && self.stream.has_all()
+                && !self.stream.is_fading()
+            {
                 // As the engine does: what arrived in this frame may have changed what is wanted.
                 self.stream.choose(view);
                 if self.stream.has_all() {
-                    return picture.unwrap();
+                    return picture;
                 }
             }
             self.now += 0.1;
