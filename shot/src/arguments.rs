@@ -1,6 +1,7 @@
 //! The command line.
 
 use crate::error::ShotError;
+use crate::output;
 use clap::{Parser, ValueEnum};
 use std::path::PathBuf;
 use treeline_client::headless::AdapterChoice;
@@ -150,7 +151,13 @@ impl Arguments {
         if self.color.is_none() && self.depth.is_none() && self.stats.is_none() {
             return Err(ShotError::input("nothing to write; give --color, --depth or --stats a file"));
         }
-        Ok(())
+        let outputs = [("--color", &self.color), ("--depth", &self.depth), ("--stats", &self.stats)];
+        for (flag, path) in outputs {
+            if let Some(path) = path {
+                output::check_folder(flag, path)?;
+            }
+        }
+        self.color.as_deref().map_or(Ok(()), output::check_picture)
     }
 
     fn check_height_field(&self) -> Result<(), ShotError> {

@@ -20,9 +20,6 @@ pub fn shoot(arguments: &Arguments) -> Result<(), ShotError> {
     else {
         return Err(ShotError::input("--heightfield needs --cell-size and --camera"));
     };
-    if let Some(picture) = &arguments.color {
-        output::check_picture(picture)?;
-    }
     let camera = camera_file::plane(camera)?;
     let about = |text: String| ShotError::input(format!("--heightfield {}: {text}", path.display()));
     let bytes = std::fs::read(path).map_err(|error| about(error.to_string()))?;

@@ -10,11 +10,12 @@ const JPEG_QUALITY: u8 = 92;
 
 /// Writes beside the file, then takes its place.
 pub fn write(flag: &str, path: &Path, bytes: &[u8]) -> Result<(), ShotError> {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folder = folder_of(path);
     let problem = |error: std::io::Error| {
         ShotError::input(format!(
-            "{flag} {}: cannot be written ({error}); name a file in a folder that this user may write",
-            path.display()
+            "{flag} {}: cannot be written ({}); name a file in a folder that this user may write",
+            path.display(),
+            error.kind()
         ))
     };
     let mut builder = tempfile::Builder::new();
@@ -28,6 +29,21 @@ pub fn write(flag: &str, path: &Path, bytes: &[u8]) -> Result<(), ShotError> {
     file.write_all(bytes).and_then(|()| file.as_file().sync_all()).map_err(problem)?;
     file.persist(path).map_err(|error| problem(error.error))?;
     Ok(())
+}
+
+/// Checks before any work that there is a folder for the file.
+pub fn check_folder(flag: &str, path: &Path) -> Result<(), ShotError> {
+    let folder = folder_of(path);
+    if folder.is_dir() && !path.is_dir() {
+        return Ok(());
+    }
+    let problem =
+        if path.is_dir() { "it is a folder; name a file" } else { "there is no such folder; make it first" };
+    Err(ShotError::input(format!("{flag} {}: {problem}", path.display())))
+}
+
+fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
 /// Checks before any work that a picture's format is known.

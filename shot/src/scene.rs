@@ -15,9 +15,6 @@ use treeline_core::layer::Layer;
 
 /// Settles, draws and writes.
 pub fn shoot(arguments: &Arguments) -> Result<(), ShotError> {
-    if let Some(picture) = &arguments.color {
-        output::check_picture(picture)?;
-    }
     let camera = arguments.camera.as_deref().map(camera_file::geographic).transpose()?;
     let host = Host::open(arguments)?;
     let scene = host.scene()?;
