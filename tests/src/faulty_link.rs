@@ -170,7 +170,7 @@ impl State {
             *attempt
         };
         let hash = hash(self.quality.seed ^ attempt.wrapping_mul(0x9e37_79b9_7f4a_7c15), target);
-        (hash % self.quality.one_failing_in == 0).then(|| match (hash >> 32) % 3 {
+        hash.is_multiple_of(self.quality.one_failing_in).then_some(match (hash >> 32) % 3 {
             0 => Fault::Closed,
             1 => Fault::Unavailable,
             _ => Fault::Cut,

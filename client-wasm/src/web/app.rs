@@ -37,13 +37,16 @@ thread_local! {
     static RUNNING: RefCell<Weak<App>> = const { RefCell::new(Weak::new()) };
 }
 
+/// What `requestAnimationFrame` calls.
+type FrameCallback = Closure<dyn FnMut(f64)>;
+
 /// The page.
 pub struct App {
     window: Window,
     canvas: HtmlCanvasElement,
     report: Function,
     state: RefCell<State>,
-    frame: RefCell<Option<Closure<dyn FnMut(f64)>>>,
+    frame: RefCell<Option<FrameCallback>>,
     scheduled: Cell<bool>,
     timer: Cell<Option<i32>>,
 }
