@@ -16,7 +16,10 @@ fn main() -> anyhow::Result<()> {
         let browser = Browser::start()?;
         let start = Instant::now();
         let mut page = browser.open(&server.url("/"), 640, 360)?;
-        page.wait_for("window.treeline?.stats().page.first_textured_milliseconds > 0", Duration::from_secs(120))?;
+        page.wait_for(
+            "window.treeline?.stats().page.first_textured_milliseconds > 0",
+            Duration::from_secs(120),
+        )?;
         first.push(start.elapsed().as_secs_f64());
         page.settle()?;
         settled.push(start.elapsed().as_secs_f64());

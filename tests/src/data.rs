@@ -7,7 +7,10 @@ use std::path::{Path, PathBuf};
 
 /// The repository's root.
 pub fn workspace() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the test crate lies in the workspace").to_path_buf()
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .parent()
+        .expect("the test crate lies in the workspace")
+        .to_path_buf()
 }
 
 /// The folder of real rasters, or `None` where there is none.
@@ -34,7 +37,11 @@ pub fn find(relative: &str) -> Option<PathBuf> {
     if path.exists() {
         return Some(path);
     }
-    assert!(std::env::var_os("TREELINE_DATA").is_none(), "TREELINE_DATA is set, but there is no {}", path.display());
+    assert!(
+        std::env::var_os("TREELINE_DATA").is_none(),
+        "TREELINE_DATA is set, but there is no {}",
+        path.display()
+    );
     println!("skipped: no {}", path.display());
     None
 }

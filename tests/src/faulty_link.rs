@@ -221,7 +221,8 @@ mod tests {
         std::thread::spawn(move || {
             for mut stream in listener.incoming().flatten() {
                 head(&mut stream).unwrap();
-                let mut answer = b"HTTP/1.1 200 OK\r\nContent-Length: 4000\r\nConnection: close\r\n\r\n".to_vec();
+                let mut answer =
+                    b"HTTP/1.1 200 OK\r\nContent-Length: 4000\r\nConnection: close\r\n\r\n".to_vec();
                 answer.resize(answer.len() + 4000, b'x');
                 stream.write_all(&answer).unwrap();
             }

@@ -27,7 +27,8 @@ pub fn path(name: &str) -> anyhow::Result<PathBuf> {
 fn build() -> anyhow::Result<PathBuf> {
     // target/PROFILE/deps/this-test
     let this = std::env::current_exe().context("where this test is")?;
-    let folder = this.parent().and_then(|deps| deps.parent()).context("a test lies in target/PROFILE/deps")?;
+    let folder =
+        this.parent().and_then(|deps| deps.parent()).context("a test lies in target/PROFILE/deps")?;
     let mut cargo = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     // The same selection of packages as the test command's: features resolve alike, nothing is rebuilt.
     cargo.args(["build", "--locked", "--quiet", "--workspace", "--exclude=xtask", "--bins"]);

@@ -34,10 +34,8 @@ impl Connection {
     /// Opens a tab; later commands go to it.
     pub fn attach_to_new_tab(&mut self) -> anyhow::Result<()> {
         let target = self.send("Target.createTarget", json!({ "url": "about:blank" }))?;
-        let attached = self.send(
-            "Target.attachToTarget",
-            json!({ "targetId": target["targetId"], "flatten": true }),
-        )?;
+        let attached =
+            self.send("Target.attachToTarget", json!({ "targetId": target["targetId"], "flatten": true }))?;
         self.session = Some(attached["sessionId"].as_str().context("a session")?.to_owned());
         Ok(())
     }

@@ -68,10 +68,7 @@ impl Browser {
         let one = ONE.lock().unwrap_or_else(PoisonError::into_inner);
         let profile = tempfile::tempdir().context("a folder for the browser's profile")?;
         let mut command = Command::new(program()?);
-        command
-            .args(flags)
-            .arg(format!("--user-data-dir={}", profile.path().display()))
-            .arg("about:blank");
+        command.args(flags).arg(format!("--user-data-dir={}", profile.path().display())).arg("about:blank");
         let process = Process::start(&mut command)?;
         let mut browser = Self { process, profile, endpoint: String::new(), _one: one };
         browser.endpoint = browser.wait_for_endpoint()?;
@@ -118,5 +115,7 @@ fn program() -> anyhow::Result<PathBuf> {
             Command::new(name).arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok()
         })
         .map(PathBuf::from)
-        .context("no Chromium here; install it (Debian: apt-get install chromium) or name it in TREELINE_CHROMIUM")
+        .context(
+            "no Chromium here; install it (Debian: apt-get install chromium) or name it in TREELINE_CHROMIUM",
+        )
 }

@@ -75,7 +75,10 @@ impl Page {
         }
         let says = self.evaluate("document.body?.innerText").unwrap_or_default();
         let complaints = self.complaints().unwrap_or_default();
-        bail!("not true after {} s: {expression}; the page says {says}, its console {complaints:?}", patience.as_secs())
+        bail!(
+            "not true after {} s: {expression}; the page says {says}, its console {complaints:?}",
+            patience.as_secs()
+        )
     }
 
     /// Waits until the map is there (its engine runs), then until all that the view wants is drawn.
