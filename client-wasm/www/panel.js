@@ -121,10 +121,11 @@ export class Panel {
     ]);
     const stats = this.#map.stats();
     const rows = [
-      ["Adapter", stats.adapter || "unnamed"],
-      ["Frame", `${stats.page.frame_milliseconds.toFixed(0)} ms, ${stats.page.width} × ${stats.page.height}`],
+      ["Adapter", stats.adapter === "Cpu" ? "software" : stats.adapter || "unnamed"],
+      ["Picture", `${stats.page.width} × ${stats.page.height}`],
+      ["Frame", `${stats.page.frame_milliseconds.toFixed(0)} ms`],
       ["Frames drawn", stats.page.frames_drawn],
-      ["Requests", stats.page.requests],
+      ["Requests", stats.requests.started],
       ["Loaded", bytes(sum(stats.bytes))],
     ];
     for (const [layer, count] of Object.entries(stats.tiles ?? {})) rows.push([`Tiles: ${layer}`, count]);
