@@ -30,9 +30,10 @@ impl Default for Resolution {
 }
 
 impl Resolution {
-    /// For an adapter that is known to be slow (a software one): begins coarse.
+    /// For an adapter that is known to be slow (a software one): begins with the coarsest, so that there
+    /// is a landscape soon.
     pub fn for_slow_adapter() -> Self {
-        Self { moving: 2, ..Self::default() }
+        Self { moving: SCALES.len() - 1, ..Self::default() }
     }
 
     /// Notes that the camera moved, at `now` seconds.
@@ -85,10 +86,10 @@ mod tests {
         let mut resolution = Resolution::for_slow_adapter();
         assert_eq!(resolution.scale(0.0), 1.0);
         resolution.moved(1.0);
-        assert_eq!(resolution.scale(1.05), 0.5);
+        assert_eq!(resolution.scale(1.05), 0.25);
         assert_eq!(resolution.scale(1.2), 1.0);
         resolution.arrived(2.0);
-        assert_eq!(resolution.scale(2.3), 0.5);
+        assert_eq!(resolution.scale(2.3), 0.25);
         assert_eq!(resolution.scale(2.5), 1.0);
     }
 
