@@ -182,7 +182,9 @@ impl Classifier for PhotoRule {
         let steep = site.slope > Self::FLAT;
         let blue = b > r + 30.0 && b > 1.15 * g;
         let dark_sea = brightness < 60.0 && g < 1.25 * r + 12.0 && b >= r && site.height <= 1.0;
-        if !steep && (blue || dark_sea) {
+        // Surface models are rough along a shore: what is vividly blue and near sea level is the sea all the same.
+        let shore = b > r + 70.0 && b > 1.1 * g && site.slope < 0.4 && site.height < 40.0;
+        if !steep && (blue || dark_sea) || shore {
             return ground(SurfaceType::Water);
         }
         let spread = r.max(g).max(b) - r.min(g).min(b);
@@ -262,6 +264,8 @@ mod tests {
         assert_eq!(at([40, 62, 38], 1500.0, 0.3).species, 1);
         assert_eq!(at([20, 40, 70], 0.0, 0.0).surface(), SurfaceType::Water);
         assert_eq!(at([20, 40, 70], 300.0, 0.5).surface(), SurfaceType::Plain);
+        assert_eq!(at([20, 90, 160], 12.0, 0.3).surface(), SurfaceType::Water, "a rough shore");
+        assert_eq!(at([20, 90, 160], 300.0, 0.3).surface(), SurfaceType::Plain, "a blue roof up a hill");
         assert_eq!(at([170, 165, 160], 20.0, 0.05), Cover::default());
         assert_eq!(at([140, 180, 110], 200.0, 0.1).surface(), SurfaceType::Grass);
         assert_eq!(at([240, 242, 245], 2500.0, 0.3).surface(), SurfaceType::Snow);
