@@ -106,8 +106,16 @@ pub fn run(options: Options) -> anyhow::Result<ExitCode> {
     });
     run.stage("links in the documentation", |_| {
         process::check(
-            process::cargo(&["doc", "--locked", "--workspace", "--no-deps", "--lib", "--quiet"])
-                .env("RUSTDOCFLAGS", "--deny=warnings"),
+            process::cargo(&[
+                "doc",
+                "--locked",
+                "--workspace",
+                "--no-deps",
+                "--lib",
+                "--document-private-items",
+                "--quiet",
+            ])
+            .env("RUSTDOCFLAGS", "--deny=warnings"),
         )
     });
     run.stage("tests of the commands", |tally| {

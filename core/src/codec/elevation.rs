@@ -220,7 +220,7 @@ mod tests {
             heights,
             maxima_side: 2,
             maxima: vec![5, VOID, -7, 1 << 20],
-            surface: (level % 2 == 0).then(|| Surface {
+            surface: level.is_multiple_of(2).then(|| Surface {
                 types: (0..nodes).map(|i| (i % 6) as u8).collect(),
                 canopy: vec![7; nodes],
             }),

@@ -108,7 +108,7 @@ mod tests {
     #[tokio::test]
     async fn a_full_queue_refuses() {
         let workers = Arc::new(Workers::new(1, 1).unwrap());
-        let (release, gate) = std::sync::mpsc::channel::<()>();
+        let (release, gate) = mpsc::channel::<()>();
         let (begun, begins) = oneshot::channel();
         let pool = workers.clone();
         let running = tokio::spawn(async move {
