@@ -115,7 +115,7 @@ pub fn run(options: Options) -> anyhow::Result<ExitCode> {
                 "--document-private-items",
                 "--quiet",
             ])
-            .env("RUSTDOCFLAGS", "--deny=warnings"),
+            .env("RUSTDOCFLAGS", "--deny=warnings --allow=rustdoc::private_intra_doc_links"),
         )
     });
     run.stage("tests of the commands", |tally| {

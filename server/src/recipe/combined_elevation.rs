@@ -352,7 +352,7 @@ fn cover_reaches(scene: &Scene, bounds: &GeographicBox) -> bool {
     scene.cover.as_ref().is_some_and(|cover| cover.extent().bounds.intersects(bounds))
 }
 
-/// The combined map at one place, and the cover there: for [`super::point`].
+/// The combined map at one place, and the cover there: for [`super::point()`].
 pub(super) fn at_place(
     scene: &Scene,
     levels: &LandCoverLevels,

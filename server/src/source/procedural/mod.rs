@@ -3,8 +3,8 @@
 //! Follow it from the large to the small: [`massif`] raises it and lets rivers ([`erosion`],
 //! [`river`]), ice and a moraine ([`lake`]) shape it, once, on a grid of 80 m; [`ground`] gives the
 //! ground at any place, with [`gullies`] and the roughness of a [`noise_tile`]; [`material`] says what
-//! lies and grows there, and [`palette`] what colour that has from the air. [`height`], [`colour`] and
-//! [`cover`] answer for grids of places ([`geography`]).
+//! lies and grows there, and [`palette`] what colour that has from the air. [`mod@height`], [`mod@colour`] and
+//! [`mod@cover`] answer for grids of places ([`geography`]).
 //!
 //! Everything comes from integer hashes through additions, multiplications, divisions and square
 //! roots of IEEE numbers, in an order fixed for each place: no mathematical library is asked, so every
