@@ -11,6 +11,9 @@ const TARGET_MILLISECONDS: f64 = 40.0;
 const STILL_SECONDS: f64 = 0.15;
 /// Seconds after a tile in which more are awaited: each would make a frame in full stale at once.
 const ARRIVAL_SECONDS: f64 = 0.4;
+/// Seconds since the page was opened after which it no longer waits for the photo's first tile with
+/// the first picture in full.
+const OPENING_SECONDS: f64 = 15.0;
 
 /// Chooses the scale of each frame.
 #[derive(Clone, Debug)]
@@ -21,11 +24,13 @@ pub struct Resolution {
     full_milliseconds: f64,
     /// When the picture counts as still, seconds.
     still_at: f64,
+    /// Whether the landscape has not been seen yet.
+    opening: bool,
 }
 
 impl Default for Resolution {
     fn default() -> Self {
-        Self { moving: 0, full_milliseconds: 0.0, still_at: f64::NEG_INFINITY }
+        Self { moving: 0, full_milliseconds: 0.0, still_at: f64::NEG_INFINITY, opening: true }
     }
 }
 
@@ -34,6 +39,12 @@ impl Resolution {
     /// is a landscape soon.
     pub fn for_slow_adapter() -> Self {
         Self { moving: SCALES.len() - 1, ..Self::default() }
+    }
+
+    /// Notes that the landscape, with its photo, has been shown: before that no time goes into pixels
+    /// that will be drawn again at once.
+    pub fn opened(&mut self) {
+        self.opening = false;
     }
 
     /// Notes that the camera moved, at `now` seconds.
@@ -73,7 +84,7 @@ impl Resolution {
 
     /// Whether the picture has been still for long enough to be drawn in full.
     pub fn is_still(&self, now: f64) -> bool {
-        now >= self.still_at
+        now >= self.still_at && !(self.opening && now < OPENING_SECONDS)
     }
 }
 
@@ -84,6 +95,9 @@ mod tests {
     #[test]
     fn a_still_picture_is_drawn_in_full() {
         let mut resolution = Resolution::for_slow_adapter();
+        assert_eq!(resolution.scale(0.0), 0.25, "nothing has been seen yet");
+        assert_eq!(resolution.scale(OPENING_SECONDS), 1.0, "a photo that does not come holds nothing up");
+        resolution.opened();
         assert_eq!(resolution.scale(0.0), 1.0);
         resolution.moved(1.0);
         assert_eq!(resolution.scale(1.05), 0.25);

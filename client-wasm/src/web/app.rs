@@ -305,6 +305,7 @@ impl App {
             state.resolution.measured(scale, milliseconds);
             if state.counters.first_textured_milliseconds == 0.0 && state.shows_texture() {
                 state.counters.first_textured_milliseconds = 1000.0 * now;
+                state.resolution.opened();
             }
             std::mem::take(&mut state.waiting_for_frame)
         };
