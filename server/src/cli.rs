@@ -5,6 +5,7 @@ use crate::scene_file::{
 };
 use crate::source::crs::parse_epsg;
 use crate::user_error::UserError;
+use clap::error::ErrorKind;
 use clap::{Args, Parser, Subcommand};
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
@@ -56,7 +57,7 @@ pub struct SceneArguments {
     #[arg(long, value_name = "EPSG:N", value_parser = epsg_text)]
     pub assume_crs: Option<String>,
     /// Value that stands for no data in the --dem.
-    #[arg(long, value_name = "NUMBER", allow_hyphen_values = true)]
+    #[arg(long, value_name = "NUMBER", allow_hyphen_values = true, value_parser = any_number)]
     pub nodata: Option<f64>,
 }
 
@@ -70,7 +71,7 @@ pub struct ServeArguments {
     #[arg(long, value_name = "URL", value_parser = crate::config::public_url)]
     pub public_url: Option<String>,
     /// Address and port; port 0 picks one. [default: 127.0.0.1:8080]
-    #[arg(long, value_name = "ADDRESS:PORT")]
+    #[arg(long, value_name = "ADDRESS:PORT", value_parser = crate::config::listen_address)]
     pub listen: Option<String>,
     /// Folder for tiles that outlive the process.
     #[arg(long, value_name = "FOLDER")]
@@ -90,7 +91,7 @@ pub struct SeedArguments {
     #[arg(long, value_name = "W,S,E,N", allow_hyphen_values = true, value_parser = bounding_box)]
     pub bbox: GeographicBox,
     /// Matrix levels, both included.
-    #[arg(long, value_name = "A..B", value_parser = levels)]
+    #[arg(long, value_name = "A..B", allow_hyphen_values = true, value_parser = levels)]
     pub levels: RangeInclusive<u8>,
     /// Layers, separated by commas. [default: all that the scene has]
     #[arg(long, value_name = "LAYERS", value_delimiter = ',', value_parser = layer)]
@@ -145,6 +146,9 @@ impl SceneArguments {
 
 /// Clap's complaint as one line that ends with the way to help.
 pub fn one_line(error: &clap::Error, program: &str) -> String {
+    if error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
+        return format!("there is no command; `{program} --help` lists them");
+    }
     let text = error.render().to_string();
     let mut parts = Vec::new();
     for line in text.lines().map(str::trim) {
@@ -155,6 +159,11 @@ pub fn one_line(error: &clap::Error, program: &str) -> String {
     }
     let line = parts.iter().filter(|part| !part.is_empty()).copied().collect::<Vec<_>>().join("; ");
     format!("{}; `{program} --help` lists the flags", line.replace(":;", ":"))
+}
+
+/// A number, NaN and the infinities included: they occur as values that stand for no data.
+pub fn any_number(text: &str) -> Result<f64, String> {
+    text.trim().parse().map_err(|_| "it is no number; write for example -9999 or nan".to_owned())
 }
 
 fn epsg_text(text: &str) -> Result<String, String> {
@@ -243,7 +252,8 @@ mod tests {
     fn every_wrong_flag_is_one_line_that_names_it() {
         for (line, named) in [
             ("treeline serve --dme a.tif", "'--dme'"),
-            ("treeline serve --nodata none", "--nodata"),
+            ("treeline serve --nodata none", "write for example -9999"),
+            ("treeline seed --bbox 1,2,3,4 --levels -1..3", "--levels"),
             ("treeline serve --assume-crs 4326", "EPSG:32632"),
             ("treeline serve --public-url example.org", "http://"),
             ("treeline seed --levels 3..5", "--bbox"),
@@ -253,7 +263,7 @@ mod tests {
             ("treeline seed --bbox 1,2,3,4 --levels 5..3", "the smaller first"),
             ("treeline seed --bbox 1,2,3,4 --levels 5 --layers photo", "texture"),
             ("treeline sevre", "sevre"),
-            ("treeline", "serve"),
+            ("treeline", "there is no command"),
         ] {
             let error = parse(line).unwrap_err();
             assert!(error.contains(named) && !error.contains('\n'), "{line}: {error}");

@@ -51,6 +51,7 @@ impl Config {
     /// What is wrong with the values, or `Ok`.
     pub fn check(&self) -> Result<(), String> {
         self.limits.check()?;
+        listen_address(&self.listen).map_err(|error| format!("listen {error}"))?;
         if self.worker_threads > 1024 {
             return Err(format!("worker_threads is {}; it must be at most 1024", self.worker_threads));
         }
@@ -69,6 +70,16 @@ impl Config {
             0 => std::thread::available_parallelism().map_or(2, usize::from),
             threads => threads,
         }
+    }
+}
+
+/// An address to listen on: a host (a name or a number) and a port.
+pub fn listen_address(text: &str) -> Result<String, String> {
+    let port =
+        text.rsplit_once(':').filter(|(host, _)| !host.is_empty()).map(|(_, port)| port.parse::<u16>());
+    match port {
+        Some(Ok(_)) => Ok(text.to_owned()),
+        _ => Err(format!("\"{text}\" is no address and port; write for example 127.0.0.1:8080")),
     }
 }
 
@@ -117,6 +128,18 @@ mod tests {
         {
             assert!(public_url(wrong).unwrap_err().contains(wrong), "{wrong}");
         }
+    }
+
+    #[test]
+    fn addresses_to_listen_on() {
+        for right in ["127.0.0.1:0", "[::1]:8080", "localhost:80", "0.0.0.0:65535"] {
+            assert_eq!(listen_address(right).as_deref(), Ok(right));
+        }
+        for wrong in ["", "5", ":80", "localhost", "127.0.0.1:99999", "127.0.0.1:-1", "host:x"] {
+            assert!(listen_address(wrong).unwrap_err().contains("127.0.0.1:8080"), "{wrong}");
+        }
+        let error = Config { listen: "x".to_owned(), ..Config::default() }.check().unwrap_err();
+        assert!(error.starts_with("listen \"x\""), "{error}");
     }
 
     #[test]

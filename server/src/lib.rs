@@ -14,6 +14,7 @@ pub mod recipe;
 pub mod revision;
 pub mod scene;
 pub mod scene_file;
+pub mod small_file;
 pub mod source;
 pub mod state;
 pub mod toml_file;

@@ -171,8 +171,24 @@ pub struct TopographicMapSource {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SunSetting {
-    /// RFC 3339, for example `2026-07-15T09:00:00Z`.
+    /// RFC 3339, for example `2026-07-15T09:00:00Z`, with quotes or without.
+    #[serde(deserialize_with = "text_of_time")]
     pub time: String,
+}
+
+/// A time as text, or as TOML's own kind of time.
+fn text_of_time<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<String, D::Error> {
+    #[derive(Deserialize)]
+    #[serde(untagged)]
+    enum Time {
+        Text(String),
+        Own(toml::value::Datetime),
+    }
+    match Time::deserialize(deserializer) {
+        Ok(Time::Text(text)) => Ok(text),
+        Ok(Time::Own(time)) => Ok(time.to_string()),
+        Err(_) => Err(serde::de::Error::custom("it is no time; write UTC as in \"2026-07-15T09:00:00Z\"")),
+    }
 }
 
 impl SceneFile {
@@ -235,6 +251,9 @@ impl SceneFile {
 
     /// What is wrong with the values, naming the key, or `Ok`.
     pub fn check(&self) -> Result<(), String> {
+        if self.paths().any(|path| path.as_os_str().is_empty()) {
+            return Err("a path is empty; name the source's file".to_owned());
+        }
         if let Some(dem) = &self.dem {
             let scale = dem.vertical_scale.unwrap_or(1.0);
             if !(scale.is_finite() && scale != 0.0) {

@@ -1,14 +1,19 @@
 //! Reading TOML that people write: every mistake is one line with the file, the line and the mend.
 
+use crate::small_file::read_text;
 use crate::user_error::{UserError, suggestion};
 use serde::de::DeserializeOwned;
 use std::path::Path;
 
+/// Longest file that is read, bytes.
+const MAXIMUM_BYTES: u64 = 4 << 20;
+
 /// Reads and parses a file. Unknown keys (of types that deny them) are errors that name the key,
 /// its line and the nearest key that there is.
 pub fn read<T: DeserializeOwned>(path: &Path) -> Result<T, UserError> {
-    let text = std::fs::read_to_string(path)
-        .map_err(|error| UserError::new(format!("{}: cannot be read ({error})", path.display())))?;
+    let text = read_text(path, MAXIMUM_BYTES).map_err(|error| {
+        UserError::new(format!("{}: cannot be read ({error}); name a TOML file", path.display()))
+    })?;
     parse(&text, &path.display().to_string())
 }
 

@@ -119,12 +119,12 @@ fn order(
     let layer = Layer::from_name(layer).filter(|&layer| has_layer(&app.scene, layer)).ok_or_else(|| {
         let names = layer_names(&app.scene);
         let near = suggestion(layer, names.iter().copied());
-        missing(format!("no layer \"{layer}\"{near} This scene has {}", names.join(", ")))
+        missing(format!("no layer \"{layer}\"; this scene has {}{near}", names.join(", ")))
     })?;
     let names = MATRIX_SETS.map(|(name, _)| name);
     let set = MATRIX_SETS.iter().find(|(name, _)| *name == set).map(|(_, set)| *set).ok_or_else(|| {
         let near = suggestion(set, names);
-        missing(format!("no tile matrix set \"{set}\"{near} There are {}", names.join(", ")))
+        missing(format!("no tile matrix set \"{set}\"; there are {}{near}", names.join(", ")))
     })?;
     let number = |name: &str, text: &str| {
         let digits = !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());

@@ -103,7 +103,7 @@ pub enum SourceError {
         mend: String,
     },
     /// Reading failed later than at opening: the file changed, or part of it is damaged.
-    #[error("{path}: {problem}")]
+    #[error("{path}: {problem}; the file is damaged or was not copied whole: fetch it again")]
     Read {
         /// The file as the user named it.
         path: String,

@@ -3,7 +3,7 @@
 use super::classified_cover::{ClassifiedCover, MapTint, PhotoRule};
 use super::geotiff::Raster;
 use super::geotiff::image::{Rect, ValueRule};
-use super::geotiff::layout::{SampleKind, photometric};
+use super::geotiff::layout::{Layout, SampleKind, photometric};
 use super::land_cover_tables::{KNOWN_TABLES, conifer_and_broadleaf, recognise};
 use super::raster_colour::RasterColour;
 use super::raster_cover::{CanopyHeightCover, NearestRaster, RasterCover};
@@ -16,6 +16,9 @@ use treeline_core::seeds::Species;
 
 /// Canopies above this, metres, are taken for another unit.
 const TALLEST_TREE_METRES: f32 = 120.0;
+/// Pixels of a terrain model that are read once for their least and greatest, at most: beyond, it has to
+/// have overviews.
+const MAXIMUM_SUMMARY_PIXELS: u64 = 1 << 32;
 /// Windows along each side, and pixels along their sides, by which a raster's values are known before
 /// all of it is read.
 const PROBES: u32 = 8;
@@ -47,14 +50,18 @@ pub struct HeightOptions {
 /// One line: the file, what is wrong, the mend.
 pub fn open_height(path: &Path, options: &HeightOptions) -> Result<Arc<RasterHeight>, SourceError> {
     let raster = Raster::open(path, options.source.assume_crs.as_deref())?;
-    let layout = &raster.full().layout;
-    let picture = layout.palette.is_some()
-        || layout.photometric == photometric::YCBCR
-        || layout.photometric == photometric::RGB && layout.samples >= 3 && layout.bits == 8;
-    if picture {
+    if is_picture(&raster.full().layout) || raster.full().layout.palette.is_some() {
         return Err(raster.unusable(
             "it is a picture in colours, not a terrain model",
             "give it as --photo, and a raster of heights as --dem",
+        ));
+    }
+    let smallest = raster.images.last().map_or(0, |image| image.rect().len() as u64);
+    if smallest > MAXIMUM_SUMMARY_PIXELS {
+        let (width, height) = raster.size();
+        return Err(raster.unusable(
+            &format!("it has {width} × {height} pixels, and no overviews"),
+            "gdaladdo -r average FILE",
         ));
     }
     let unit = match (options.vertical_scale, raster.vertical_unit_metres) {
@@ -99,7 +106,7 @@ pub fn open_land_cover(
 ) -> Result<Arc<RasterCover>, SourceError> {
     let raster = Raster::open(path, options.assume_crs.as_deref())?;
     let layout = &raster.full().layout;
-    if layout.kind == SampleKind::Float && layout.bits == 64 || layout.photometric == photometric::YCBCR {
+    if layout.kind == SampleKind::Float && layout.bits == 64 || is_picture(layout) {
         return Err(raster.unusable(
             "its samples are no classes",
             "give a raster of whole numbers: gdal_translate -ot Byte FILE classes.tif",
@@ -143,6 +150,12 @@ pub fn open_canopy_height(
     species: &[Species],
 ) -> Result<Arc<CanopyHeightCover>, SourceError> {
     let raster = Raster::open(path, options.assume_crs.as_deref())?;
+    if is_picture(&raster.full().layout) || raster.full().layout.palette.is_some() {
+        return Err(raster.unusable(
+            "it is a picture in colours, no heights of a canopy",
+            "give it as --topographic-map or --photo, and a raster of heights as --canopy-height",
+        ));
+    }
     let (own_scale, own_offset) = raster.scale_and_offset;
     let unit = scale.unwrap_or(1.0);
     let rule = ValueRule {
@@ -190,6 +203,14 @@ pub fn photo_cover(
 ) -> Arc<dyn CoverField> {
     let (conifer, broadleaf) = conifer_and_broadleaf(species);
     Arc::new(ClassifiedCover::new(colour, Some(height), Box::new(PhotoRule::new(conifer, broadleaf))))
+}
+
+/// Whether the samples are red, green and blue (or luma and chroma): no quantity that could be measured
+/// in one band.
+fn is_picture(layout: &Layout) -> bool {
+    let whole = layout.kind == SampleKind::Unsigned && layout.bits <= 16;
+    layout.photometric == photometric::YCBCR
+        || layout.photometric == photometric::RGB && layout.samples >= 3 && whole
 }
 
 /// Some of a raster's values, from windows spread over the smallest image that is large enough.

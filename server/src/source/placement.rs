@@ -19,7 +19,10 @@ pub struct Placement {
     pixel_from_crs: Affine,
     width: u32,
     height: u32,
+    /// First coordinate of its middle, in its own system.
+    middle_x: f64,
     bounds: GeographicBox,
+    /// Its middle in degrees, on the turn on which its own coordinates count.
     centre: (f64, f64),
     pixels_per_degree: (f64, f64),
     wraps: bool,
@@ -47,7 +50,7 @@ impl Placement {
     pub fn new(crs: Crs, crs_from_pixel: Affine, width: u32, height: u32) -> Result<Self, OutOfDomain> {
         let middle = (f64::from(width) / 2.0, f64::from(height) / 2.0);
         let (x, y) = crs_from_pixel.apply(middle.0, middle.1);
-        let mut centre = crs.to_geographic(x, y)?;
+        let centre = crs.to_geographic(x, y)?;
         if centre.1.abs() > 90.0 || centre.0.abs() > 720.0 {
             return Err(OutOfDomain);
         }
@@ -57,6 +60,7 @@ impl Placement {
             crs_from_pixel,
             width,
             height,
+            middle_x: x,
             bounds: GeographicBox::WORLD,
             centre,
             pixels_per_degree: (1.0, 1.0),
@@ -67,9 +71,7 @@ impl Placement {
         let turn = 360.0 * ((bounds.west + 180.0) / 360.0 + 1e-9).floor();
         bounds.west -= turn;
         bounds.east -= turn;
-        centre.0 -= turn;
         placement.bounds = bounds;
-        placement.centre = centre;
         placement.wraps = whole_turn;
         placement.pixels_per_degree = placement.measure();
         Ok(placement)
@@ -205,22 +207,20 @@ impl Placement {
             && v <= f64::from(self.height) - 1.0 + spare
     }
 
-    /// The turn of a longitude that lies nearest to the raster.
-    pub fn turned(&self, longitude: f64) -> f64 {
-        nearest_turn(longitude, self.centre.0)
-    }
-
     /// Pixel coordinate of a place. Latitudes beyond a pole are those of the far side.
     ///
     /// # Errors
     /// [`OutOfDomain`] where the projection does not reach.
     pub fn exact_pixel(&self, longitude: f64, latitude: f64) -> Result<(f64, f64), OutOfDomain> {
-        let (longitude, latitude) = over_the_pole(longitude, latitude);
-        let mut longitude = longitude;
-        if self.crs.is_plain_geographic() || self.crs.is_web_mercator() {
-            longitude = self.turned(longitude);
+        let (mut longitude, latitude) = over_the_pole(longitude, latitude);
+        if self.crs.is_web_mercator() {
+            longitude = nearest_turn(longitude, self.centre.0);
         }
-        let (x, y) = self.crs.from_geographic(longitude, latitude)?;
+        let (mut x, y) = self.crs.from_geographic(longitude, latitude)?;
+        if self.crs.is_geographic() {
+            // A raster may count its longitudes beyond ±180: the turn is the one on which it lies.
+            x = nearest_turn(x, self.middle_x);
+        }
         Ok(self.pixel_of(x, y))
     }
 
@@ -299,6 +299,28 @@ mod tests {
         let (u, _) = shifted.exact_pixel(-90.0, 0.0).unwrap();
         assert!((u - (1080.0 - 0.5)).abs() < 1e-9);
         assert!(!Placement::new(Crs::wgs84(), north_up(5.0, 50.0, 0.01), 100, 100).unwrap().wraps());
+    }
+
+    #[test]
+    fn longitudes_may_be_counted_on_any_turn() {
+        let systems = [Crs::wgs84(), Crs::from_epsg(4277).unwrap()];
+        for crs in systems {
+            let at = |west: f64| Placement::new(crs.clone(), north_up(west, 55.0, 0.01), 100, 100).unwrap();
+            let plain = at(-3.0);
+            for turn in [-360.0, 360.0] {
+                let turned = at(-3.0 + turn);
+                let (bounds, expected) = (turned.bounds(), plain.bounds());
+                assert!((bounds.west - expected.west).abs() < 1e-9, "{bounds:?}");
+                assert!((bounds.east - expected.east).abs() < 1e-9, "{bounds:?}");
+                for longitude in [-2.5, 357.5] {
+                    let (found, expected) =
+                        (turned.exact_pixel(longitude, 54.5), plain.exact_pixel(longitude, 54.5));
+                    let (found, expected) = (found.unwrap(), expected.unwrap());
+                    assert!((found.0 - expected.0).abs() < 1e-6 && (found.1 - expected.1).abs() < 1e-6);
+                    assert!(turned.contains_pixel(found.0, found.1));
+                }
+            }
+        }
     }
 
     #[test]

@@ -6,6 +6,7 @@
 //! All of it depends on global lattice indices alone, never on the window that was asked for: two
 //! windows that share a sample get the same bits.
 
+use super::crs::Crs;
 use super::placement::{Placement, over_the_pole};
 use super::{RequestCrs, SampleGrid};
 use treeline_core::geodesy;
@@ -25,6 +26,8 @@ pub struct Projector<'a> {
     placement: &'a Placement,
     grid: &'a SampleGrid,
     kind: Kind,
+    /// The request's system, where it is a projected one that is not the raster's own.
+    foreign: Option<Crs>,
 }
 
 enum Kind {
@@ -52,7 +55,11 @@ impl<'a> Projector<'a> {
         } else {
             Kind::General
         };
-        Self { placement, grid, kind }
+        let foreign = match grid {
+            SampleGrid::Box { crs: RequestCrs::Projected(code), .. } if !own => Crs::from_epsg(*code).ok(),
+            _ => None,
+        };
+        Self { placement, grid, kind, foreign }
     }
 
     /// Global index of the grid's first sample.
@@ -88,8 +95,9 @@ impl<'a> Projector<'a> {
             SampleGrid::Box { crs: RequestCrs::WebMercator, .. } => {
                 Some(geodesy::geographic_from_web_mercator(x, y))
             }
-            // Only the raster's own system reaches here, through `Affine`.
-            SampleGrid::Box { crs: RequestCrs::Projected(_), .. } => None,
+            SampleGrid::Box { crs: RequestCrs::Projected(_), .. } => {
+                self.foreign.as_ref()?.to_geographic(x, y).ok()
+            }
             _ => Some((x, y)),
         }
     }
@@ -406,6 +414,36 @@ mod tests {
                     "{} level {level}",
                     placement.crs()
                 );
+            }
+        }
+    }
+
+    #[test]
+    fn a_box_in_a_projected_system_that_is_not_the_raster_s_own() {
+        let request = Crs::from_epsg(32632).unwrap();
+        let (x, y) = request.from_geographic(8.3, 61.6).unwrap();
+        for placement in placements() {
+            let (longitude, latitude) = placement.bounds().centre();
+            let (x, y) = request.from_geographic(longitude, latitude.max(-80.0)).unwrap_or((x, y));
+            let grid = SampleGrid::Box {
+                crs: RequestCrs::Projected(32632),
+                west: x - 2000.0,
+                south: y - 1500.0,
+                east: x + 2000.0,
+                north: y + 1500.0,
+                width: 80,
+                height: 60,
+            };
+            let found = Projector::new(&placement, &grid).project(0, 0, 80, 60);
+            for (slot, pixel) in found.iter().enumerate() {
+                let (column, row) = ((slot % 80) as f64 + 0.5, (slot / 80) as f64 + 0.5);
+                let (longitude, latitude) =
+                    request.to_geographic(x - 2000.0 + 50.0 * column, y + 1500.0 - 50.0 * row).unwrap();
+                let exact = placement.exact_pixel(longitude, latitude).unwrap();
+                if placement.contains_pixel(exact.0, exact.1) {
+                    let error = (pixel.0 - exact.0).hypot(pixel.1 - exact.1);
+                    assert!(error < 0.002, "{}: {error}", placement.crs());
+                }
             }
         }
     }

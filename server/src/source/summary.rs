@@ -41,7 +41,8 @@ impl Summary {
     /// empty: nothing is ever drawn from it.
     ///
     /// Up to 256 megapixels, and wherever there are no overviews, the bounds are those of the pixels.
-    /// Beyond that they are those of the largest overview of at most 256 megapixels, widened by the
+    /// Beyond that they are those of the largest overview of at most 256 megapixels (or the smallest
+    /// that there is), widened by the
     /// greatest difference between neighbours in a block: what an overview smooths away is taken to
     /// be no steeper than what it shows.
     pub fn build(raster: &Raster, band: u16, rule: &ValueRule) -> Self {
@@ -49,7 +50,9 @@ impl Summary {
             let layout = &raster.images[index].layout;
             u64::from(layout.width) * u64::from(layout.height)
         };
-        let index = (0..raster.images.len()).find(|&index| pixels(index) <= FULL_PIXELS).unwrap_or(0);
+        let index = (0..raster.images.len())
+            .find(|&index| pixels(index) <= FULL_PIXELS)
+            .unwrap_or(raster.images.len() - 1);
         let image = &raster.images[index];
         let (width, height) = (image.layout.width, image.layout.height);
         let (columns, rows) = (width.div_ceil(BLOCK), height.div_ceil(BLOCK));

@@ -46,7 +46,23 @@ pub fn order(app: &AppState, parameters: &Parameters, version: Version) -> Resul
     Ok(Order::new(layer, grid, format)
         .filled(filled)
         .gaps(transparent(parameters)?, background(parameters)?)
-        .nodata(parameters.get("NODATA").map_or(Ok(0.0), |text| number("NODATA", text))?))
+        .nodata(nodata(parameters, format)?))
+}
+
+/// The number that NODATA asks for, which the format's samples must be able to hold.
+fn nodata(parameters: &Parameters, format: Format) -> Result<f64, ServiceException> {
+    let Some(text) = parameters.get("NODATA") else { return Ok(0.0) };
+    let value = number("NODATA", text)?;
+    let (least, greatest) = match format {
+        Format::Bil16 => (f64::from(i16::MIN), f64::from(i16::MAX)),
+        _ => (f64::from(f32::MIN), f64::from(f32::MAX)),
+    };
+    if (least..=greatest).contains(&value) {
+        return Ok(value);
+    }
+    Err(ServiceException::invalid(format!(
+        "NODATA is \"{text}\"; samples of this format hold {least:e} to {greatest:e}"
+    )))
 }
 
 fn is_tile(grid: &SampleGrid) -> bool {
@@ -69,7 +85,7 @@ pub fn layer(app: &AppState, parameters: &Parameters, name: &str) -> Result<Laye
         let near = suggestion(text, names.iter().copied());
         ServiceException::new(
             Some("LayerNotDefined"),
-            format!("{name} is \"{text}\"{near} This scene has the layers {}", names.join(", ")),
+            format!("{name} is \"{text}\"; this scene has the layers {}{near}", names.join(", ")),
         )
     })
 }

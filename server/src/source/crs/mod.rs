@@ -6,6 +6,7 @@
 
 mod axis;
 mod datum;
+pub mod esri;
 
 pub use axis::northing_first;
 pub use datum::Datum;

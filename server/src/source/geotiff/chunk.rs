@@ -6,9 +6,12 @@
 //! chunks decode on many threads without sharing a reader.
 
 use super::layout::{Layout, MAXIMUM_CHUNK_BYTES, SampleKind, compression};
-use std::io::{Cursor, Read, Seek, SeekFrom};
+use std::io::{Cursor, ErrorKind, Read, Seek, SeekFrom};
 use std::panic::AssertUnwindSafe;
+use tiff::TiffError;
 use tiff::decoder::{Decoder, DecodingResult, Limits};
+
+const CUT_OFF: &str = "its data are cut off";
 
 /// Decoded samples, row-major, interleaved by pixel.
 #[derive(Clone, Debug, PartialEq)]
@@ -83,7 +86,7 @@ pub fn decode(layout: &Layout, big_endian: bool, rows: u32, data: Vec<u8>) -> Re
         decoder.read_image()
     }))
     .map_err(|_| "its data are damaged".to_owned())?
-    .map_err(|error| error.to_string())?;
+    .map_err(in_words)?;
     let samples = match result {
         DecodingResult::U8(values) if layout.bits < 8 => {
             Samples::U8(unpack(&values, layout.chunk_width, rows, layout.bits))
@@ -101,9 +104,17 @@ pub fn decode(layout: &Layout, big_endian: bool, rows: u32, data: Vec<u8>) -> Re
         DecodingResult::F64(values) => Samples::F64(values),
     };
     if samples.len() < expected {
-        return Err("its data are cut off".to_owned());
+        return Err(CUT_OFF.to_owned());
     }
     Ok(samples)
+}
+
+/// What the decoder says; where it only ran out of bytes, in plainer words.
+fn in_words(error: TiffError) -> String {
+    match error {
+        TiffError::IoError(error) if error.kind() == ErrorKind::UnexpectedEof => CUT_OFF.to_owned(),
+        error => error.to_string(),
+    }
 }
 
 /// Bits (1, 2 or 4 a sample, rows padded to bytes) to bytes.
@@ -230,11 +241,11 @@ impl Seek for OneStrip {
                 } else {
                     header + self.data.position()
                 };
-                now.checked_add_signed(by).ok_or(std::io::ErrorKind::InvalidInput)?
+                now.checked_add_signed(by).ok_or(ErrorKind::InvalidInput)?
             }
             SeekFrom::End(by) => (header + self.data.get_ref().len() as u64)
                 .checked_add_signed(by)
-                .ok_or(std::io::ErrorKind::InvalidInput)?,
+                .ok_or(ErrorKind::InvalidInput)?,
         };
         self.header.set_position(position.min(header));
         self.data.set_position(position.saturating_sub(header));

@@ -2,7 +2,7 @@
 
 use super::bytes::FileBytes;
 use super::directory::{Directory, tag};
-use crate::source::crs::{Crs, CrsError};
+use crate::source::crs::{Crs, CrsError, esri};
 use std::collections::BTreeMap;
 
 /// Value by which a key says "user-defined".
@@ -13,6 +13,7 @@ const EARTH_MAJOR_METRES: std::ops::RangeInclusive<f64> = 6_350_000.0..=6_400_00
 mod key {
     pub const MODEL_TYPE: u16 = 1024;
     pub const RASTER_TYPE: u16 = 1025;
+    pub const CITATION: u16 = 1026;
     pub const GEODETIC_CRS: u16 = 2048;
     pub const GEODETIC_CITATION: u16 = 2049;
     pub const GEODETIC_DATUM: u16 = 2050;
@@ -48,6 +49,7 @@ mod key {
     pub const SCALE_AT_CENTRE: u16 = 3093;
     pub const AZIMUTH: u16 = 3094;
     pub const STRAIGHT_POLE_LONGITUDE: u16 = 3095;
+    pub const RECTIFIED_ANGLE: u16 = 3096;
     pub const VERTICAL_CRS: u16 = 4096;
     pub const VERTICAL_CITATION: u16 = 4097;
     pub const VERTICAL_UNITS: u16 = 4099;
@@ -137,7 +139,22 @@ impl GeoKeys {
         // Some writers pack fields: "PCS Name = X|GCS Name = Y"; the first name is the system's.
         let first = text.split('|').next().unwrap_or_default();
         let name = first.rsplit(" = ").next().unwrap_or_default().trim();
-        if name.is_empty() { "a system without a name".to_owned() } else { name.to_owned() }
+        let unnamed = ["", "unknown", "unnamed"].iter().any(|none| name.eq_ignore_ascii_case(none));
+        if unnamed { "a system without a name".to_owned() } else { name.to_owned() }
+    }
+
+    /// The system that ESRI's text in a citation spells out, where there is one.
+    fn spelt_out(&self) -> Option<Stated> {
+        let text = [key::PROJECTED_CITATION, key::GEODETIC_CITATION, key::CITATION]
+            .iter()
+            .find_map(|number| self.texts.get(number)?.strip_prefix("ESRI PE String = "))?;
+        let (system, major) = esri::system_and_major_axis(text)?;
+        Some(if EARTH_MAJOR_METRES.contains(&major) {
+            Stated::System(system)
+        } else {
+            let name = text.split('"').nth(1).unwrap_or_default();
+            Stated::OtherBody(format!("{name}, semi-major axis {:.0} km", major / 1000.0))
+        })
     }
 
     /// The reference system.
@@ -154,6 +171,9 @@ impl GeoKeys {
             if let Some(code) = self.code(key::GEODETIC_CRS) {
                 return Stated::System(Crs::from_epsg(code));
             }
+            if let Some(stated) = self.spelt_out() {
+                return stated;
+            }
             let Some(ellipsoid) = self.ellipsoid() else { return Stated::Nothing };
             let name = self.citation();
             return Stated::System(Crs::from_definition(
@@ -162,7 +182,11 @@ impl GeoKeys {
                 None,
             ));
         }
-        self.user_defined()
+        if self.short(key::MODEL_TYPE) == Some(3) {
+            let detail = "its coordinates count from the Earth's middle".to_owned();
+            return Stated::System(Err(CrsError::Unsupported { name: self.citation(), detail }));
+        }
+        self.spelt_out().unwrap_or_else(|| self.user_defined())
     }
 
     fn user_defined(&self) -> Stated {
@@ -306,11 +330,22 @@ impl GeoKeys {
             22 => format!("+proj=poly {origin} {offset}"),
             24 => format!("+proj=sinu +lon_0={pole_longitude} {offset}"),
             28 => format!("+proj=cea +lat_ts={parallel_1} +lon_0={longitude} {offset}"),
-            3 => {
+            3 | 9815 => {
                 let azimuth = angle(&[key::AZIMUTH]);
-                format!(
-                    "+proj=omerc +lat_0={latitude} +lonc={longitude} +alpha={azimuth} +k={scale} +no_uoff {offset}"
-                )
+                // The second is the registry's number, for the variant whose offsets count from the centre.
+                let from_centre = method == 9815;
+                if from_centre && azimuth == 90.0 {
+                    // The Swiss grid's projection: the general formula has a pole there.
+                    format!("+proj=somerc {origin} +k_0={scale} {offset}")
+                } else {
+                    let rectified = self.real(key::RECTIFIED_ANGLE).map_or(String::new(), |a| {
+                        format!(" +gamma={}", a * self.degrees_per_angular_unit())
+                    });
+                    let origin = if from_centre { "" } else { " +no_uoff" };
+                    format!(
+                        "+proj=omerc +lat_0={latitude} +lonc={longitude} +alpha={azimuth}{rectified} +k={scale}{origin} {offset}"
+                    )
+                }
             }
             _ => return Err(format!("projection method {method} of GeoTIFF is not known here")),
         })

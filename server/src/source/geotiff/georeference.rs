@@ -112,7 +112,9 @@ fn from_world_file(path: &Path) -> Option<Affine> {
         // A world file has six numbers; anything longer is something else.
         (std::fs::metadata(&beside).ok()?.len() < 4096).then(|| std::fs::read_to_string(beside).ok())?
     })?;
-    let numbers: Vec<f64> = text.split_whitespace().map_while(|word| word.parse().ok()).collect();
+    // Some programs write numbers as their country does.
+    let number = |word: &str| word.replace(',', ".").parse().ok();
+    let numbers: Vec<f64> = text.split_whitespace().map_while(number).collect();
     let [x_column, y_column, x_row, y_row, x, y] = numbers.try_into().ok()?;
     let mut affine = Affine { x: (x, x_column, x_row), y: (y, y_column, y_row) };
     (affine.x.0, affine.y.0) = affine.apply(-0.5, -0.5);

@@ -163,6 +163,8 @@ impl Image {
         let chunk_width = self.layout.chunk_width as usize;
         // A declared nodata went through decimal text; in a float band it means the nearest float.
         let single = rule.nodata.map(|nodata| f64::from(nodata as f32));
+        // Writers leave out the chunks that hold nothing but nodata or, where none is declared, zeros.
+        let never_written = if rule.nodata.is_some() { f32::NAN } else { rule.apply(0.0, None) };
         self.for_each_chunk(plane, rect, |samples, part, first| {
             let target = Target { values: &mut values, rect, part, first, chunk_width, step, lane };
             match samples {
@@ -184,7 +186,7 @@ impl Image {
                 Samples::I64(stored) => target.fill(stored, |value| rule.apply(value as f64, rule.nodata)),
                 Samples::F32(stored) => target.fill(stored, |value| rule.apply(f64::from(value), single)),
                 Samples::F64(stored) => target.fill(stored, |value| rule.apply(value, rule.nodata)),
-                Samples::Sparse => {}
+                Samples::Sparse => target.all(never_written),
             }
         })?;
         if let Some(mask) = &self.mask {
@@ -266,6 +268,15 @@ struct Target<'a> {
 }
 
 impl Target<'_> {
+    fn all(self, value: f32) {
+        let width = self.rect.width as usize;
+        for row in 0..self.part.height as usize {
+            let to =
+                ((self.part.y - self.rect.y) as usize + row) * width + (self.part.x - self.rect.x) as usize;
+            self.values[to..to + self.part.width as usize].fill(value);
+        }
+    }
+
     fn fill<T: Copy>(self, stored: &[T], value: impl Fn(T) -> f32) {
         let width = self.rect.width as usize;
         for row in 0..self.part.height as usize {

@@ -158,11 +158,16 @@ impl Layout {
             1 | 4 => SampleKind::Unsigned,
             2 => SampleKind::Signed,
             3 => SampleKind::Float,
-            _ => {
+            5 | 6 => {
                 return Err(Refusal::new(
                     "its samples are complex numbers",
                     "gdal_translate -ot Float32 FILE real.tif",
                 ));
+            }
+            other => {
+                return Err(Refusal::damaged(format!(
+                    "its samples are of a kind, {other}, that is not known"
+                )));
             }
         };
         let supported = match kind {
@@ -174,7 +179,11 @@ impl Layout {
         };
         if !supported {
             return Err(Refusal::new(
-                format!("samples of {} bits are not supported", bits[0]),
+                format!(
+                    "samples of {} bit{} are not supported",
+                    bits[0],
+                    if bits[0] == 1 { "" } else { "s" }
+                ),
                 "gdal_translate -ot UInt16 (or Float32) FILE whole_bytes.tif",
             ));
         }
@@ -318,6 +327,9 @@ impl Layout {
         if self.offsets.len() < expected || self.counts.len() < expected {
             return Err(lost());
         }
+        if self.compression == compression::NONE {
+            self.lengthen_counts(expected);
+        }
         let end = |index: usize| self.offsets[index].saturating_add(self.counts[index]);
         let beyond = (0..expected).filter(|&index| end(index) > bytes.length()).count();
         if beyond > 0 {
@@ -338,13 +350,26 @@ impl Layout {
         Ok(())
     }
 
+    /// How long an uncompressed strip or tile is follows from its rows; writers that state less are
+    /// believed no more than files that lack what they promise.
+    fn lengthen_counts(&mut self, expected: usize) {
+        for index in 0..expected {
+            if self.offsets[index] != 0 && self.counts[index] != 0 {
+                let needed = u64::from(self.stored_rows(index as u32)).saturating_mul(self.chunk_row_bytes());
+                self.counts[index] = self.counts[index].max(needed);
+            }
+        }
+    }
+
     /// Cuts long uncompressed strips into pieces that are chunks of their own: nothing forces us to
     /// read all of them.
     fn split_strips(&mut self, planes: usize) {
         let row_bytes = self.chunk_row_bytes();
         let rows = self.chunk_height;
         let target = u32::try_from((PIECE_BYTES / row_bytes).max(1)).unwrap_or(1);
-        if rows <= target {
+        let written =
+            self.offsets.iter().zip(&self.counts).any(|(&offset, &count)| offset != 0 && count != 0);
+        if rows <= target || !written {
             return;
         }
         let strips = self.chunks_per_plane();

@@ -21,6 +21,9 @@ use layout::{Layout, Refusal};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+/// Mend for a file that does not say its reference system in words that can be used.
+const SAY_CRS: &str = "gdal_edit.py -a_srs EPSG:N FILE, or say crs = \"EPSG:N\" for it in scene.toml (for --dem also: --assume-crs EPSG:N)";
+
 /// An open GeoTIFF.
 #[derive(Debug)]
 pub struct Raster {
@@ -196,9 +199,14 @@ fn system(keys: &GeoKeys, assume_crs: Option<&str>) -> Result<Crs, Refusal> {
                 CrsError::UnknownDatum(_) => {
                     "gdalwarp -s_srs THAT -t_srs EPSG:4326 FILE warped.tif".replace("THAT", text)
                 }
-                _ => "give --assume-crs a code such as EPSG:32632 (https://epsg.io lists them)".to_owned(),
+                _ => "give a code such as EPSG:32632 (https://epsg.io lists them)".to_owned(),
             };
-            Refusal::new(format!("the reference system given for it cannot be used: {error}"), mend)
+            // A wrong spelling says how to write it already.
+            let problem = match &error {
+                CrsError::Spelling(_) => format!("crs = {error}"),
+                _ => format!("the reference system given for it cannot be used: {error}"),
+            };
+            Refusal::new(problem, mend)
         });
     }
     match keys.system() {
@@ -207,17 +215,21 @@ fn system(keys: &GeoKeys, assume_crs: Option<&str>) -> Result<Crs, Refusal> {
             format!("its reference system EPSG:{code} is not known"),
             "gdalwarp -t_srs EPSG:4326 FILE warped.tif",
         )),
-        Stated::System(Err(error)) => Err(Refusal::new(
-            format!("its reference system cannot be used: {error}"),
-            "gdalwarp -t_srs EPSG:4326 FILE warped.tif",
-        )),
+        Stated::System(Err(error)) => {
+            let named = error.to_string().contains("EPSG:");
+            Err(Refusal::new(
+                format!("its reference system cannot be used: {error}"),
+                // What has no code GDAL does not know better than we do: it would warp, and be off.
+                if named { "gdalwarp -t_srs EPSG:4326 FILE warped.tif" } else { SAY_CRS },
+            ))
+        }
         Stated::OtherBody(body) => Err(Refusal::new(
             format!("it does not show the Earth ({body})"),
             "only data of the Earth can be served",
         )),
         Stated::Nothing => Err(Refusal::new(
             "it does not say in which reference system it stands, or that part is damaged",
-            "add --assume-crs EPSG:N (crs = \"EPSG:N\" in scene.toml), or gdal_edit.py -a_srs EPSG:N FILE",
+            SAY_CRS,
         )),
     }
 }
@@ -275,6 +287,8 @@ fn check_format(path: &Path, bytes: &FileBytes) -> Result<(), Refusal> {
 
 fn tif_name(path: &Path) -> String {
     let stem = path.file_stem().and_then(|text| text.to_str()).unwrap_or("converted");
-    let stem = if stem.contains(char::is_whitespace) { "converted" } else { stem };
+    // Never the file's own name: GDAL would write over what it reads.
+    let own = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("tif"));
+    let stem = if own || stem.contains(char::is_whitespace) { "converted" } else { stem };
     format!("{stem}.tif")
 }
