@@ -3,6 +3,7 @@
 use crate::cli::ServeArguments;
 use crate::http;
 use crate::opening::{Opened, built_in, open_file};
+use crate::source::geotiff::Raster;
 use crate::state::App;
 use crate::user_error::UserError;
 use std::io::Write as _;
@@ -12,7 +13,14 @@ use std::sync::Arc;
 pub fn check(arguments: &ServeArguments) -> Result<(), UserError> {
     let config = super::config(arguments)?;
     let Opened { scene, facts } = match arguments.scene.scene_file()? {
-        Some(file) => open_file(&file)?,
+        Some(file) => {
+            let opened = open_file(&file)?;
+            for path in file.paths() {
+                // Where it lies was found out above; what matters here is whether its data can be read.
+                Raster::open(path, Some("EPSG:4326"))?.verify()?;
+            }
+            opened
+        }
         None => Opened {
             scene: built_in()?,
             facts: vec![("scene", "built-in, made on demand; no files".to_owned())],

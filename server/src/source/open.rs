@@ -90,6 +90,7 @@ pub fn open_height(path: &Path, options: &HeightOptions) -> Result<Arc<RasterHei
 /// As [`open_height`].
 pub fn open_colour(path: &Path, options: &SourceOptions) -> Result<Arc<RasterColour>, SourceError> {
     let raster = Raster::open(path, options.assume_crs.as_deref())?;
+    raster.verify_anything()?;
     Ok(Arc::new(RasterColour::new(Arc::new(raster), options.nodata)?))
 }
 

@@ -7,6 +7,9 @@ use super::layout::Layout;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
+/// Decoded bytes after which trying an image ends.
+const TRIED_BYTES: usize = 512 << 20;
+
 /// A file that images are read from.
 #[derive(Debug)]
 pub struct SourceFile {
@@ -116,6 +119,33 @@ impl Image {
             chunk::decode(layout, self.file.big_endian, layout.stored_rows(chunk), data)
                 .map_err(|problem| format!("{} cannot be decoded: {problem}", place()))
         })
+    }
+
+    /// Decodes up to `most` chunks, spread evenly from the first to the last: how many could be, and what
+    /// was wrong with the first that could not.
+    pub fn try_chunks(&self, most: u32) -> (u32, Option<String>) {
+        let layout = &self.layout;
+        let per_plane = u64::from(layout.chunks_per_plane());
+        let planes = if layout.planar { u64::from(layout.samples) } else { 1 };
+        let last = (per_plane * planes).saturating_sub(1);
+        let count = u64::from(most).min(last + 1);
+        let (mut readable, mut bytes, mut problem) = (0, 0, None);
+        for step in 0..count {
+            let index = if count == 1 { last / 2 } else { last * step / (count - 1) };
+            let (plane, chunk) = ((index / per_plane) as u32, (index % per_plane) as u32);
+            let (column, row) = (chunk % layout.chunks_across(), chunk / layout.chunks_across());
+            match self.chunk(plane, column, row) {
+                Ok(samples) => {
+                    readable += 1;
+                    bytes += samples.bytes();
+                }
+                Err(found) => problem = problem.or(Some(found)),
+            }
+            if bytes > TRIED_BYTES {
+                break;
+            }
+        }
+        (readable, problem)
     }
 
     /// Calls `each` with every chunk of `plane` that touches the window, and the part of the window

@@ -24,6 +24,11 @@ use std::sync::Arc;
 /// Mend for a file that does not say its reference system in words that can be used.
 const SAY_CRS: &str = "gdal_edit.py -a_srs EPSG:N FILE, or say crs = \"EPSG:N\" for it in scene.toml (for --dem also: --assume-crs EPSG:N)";
 
+/// Chunks of an image that are tried when a person asks whether a file is sound.
+const VERIFIED_CHUNKS: u32 = 256;
+/// Chunks that are tried when a file is opened.
+const GLANCED_CHUNKS: u32 = 3;
+
 /// An open GeoTIFF.
 #[derive(Debug)]
 pub struct Raster {
@@ -62,6 +67,26 @@ impl Raster {
     /// Columns and rows of the full image.
     pub fn size(&self) -> (u32, u32) {
         (self.full().layout.width, self.full().layout.height)
+    }
+
+    /// Tries some chunks of every image.
+    ///
+    /// # Errors
+    /// The first that cannot be decoded.
+    pub fn verify(&self) -> Result<(), SourceError> {
+        let problem = self.images.iter().find_map(|image| image.try_chunks(VERIFIED_CHUNKS).1);
+        problem.map_or(Ok(()), |problem| Err(self.read_error(problem)))
+    }
+
+    /// Tries a few chunks of the full image.
+    ///
+    /// # Errors
+    /// Where none of them can be decoded: nothing will ever be seen of it.
+    pub fn verify_anything(&self) -> Result<(), SourceError> {
+        match self.full().try_chunks(GLANCED_CHUNKS) {
+            (0, Some(problem)) => Err(self.read_error(problem)),
+            _ => Ok(()),
+        }
     }
 
     /// An error for people, from what a read says.

@@ -1,10 +1,12 @@
 //! Damaged and hostile files: an error or a result, never a panic, a hang or memory without end.
 
+use crate::source::raster_height::RasterHeight;
 use crate::source::{
     ColourField, HeightField, HeightOptions, RequestCrs, SampleGrid, SourceOptions, open_colour, open_height,
 };
 use proptest::prelude::*;
 use std::path::Path;
+use std::sync::Arc;
 
 /// A small strip GeoTIFF, 16 × 16 of Int16, made by hand, byte by byte.
 fn tiny() -> Vec<u8> {
@@ -67,6 +69,34 @@ fn tiny() -> Vec<u8> {
     bytes
 }
 
+/// Sets a value of the tiny file: the entry's place among its thirteen, and the number.
+fn set(bytes: &mut [u8], entry: usize, value: u32) {
+    let at = 10 + 12 * entry;
+    bytes[at + 2..at + 4].copy_from_slice(&4_u16.to_le_bytes());
+    bytes[at + 8..at + 12].copy_from_slice(&value.to_le_bytes());
+}
+
+const WIDTH: usize = 0;
+const HEIGHT: usize = 1;
+const COMPRESSION: usize = 3;
+const STRIP_OFFSET: usize = 5;
+const ROWS_PER_STRIP: usize = 7;
+const STRIP_COUNT: usize = 8;
+
+/// The tiny file with other values, opened as terrain.
+fn altered(values: &[(usize, u32)], nodata: Option<f64>) -> Result<Arc<RasterHeight>, String> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("altered.tif");
+    let mut bytes = tiny();
+    for &(entry, value) in values {
+        set(&mut bytes, entry, value);
+    }
+    std::fs::write(&path, bytes).unwrap();
+    let source = SourceOptions { assume_crs: None, nodata };
+    open_height(&path, &HeightOptions { source, ..HeightOptions::default() })
+        .map_err(|error| error.to_string())
+}
+
 fn try_everything(path: &Path) {
     let grid = SampleGrid::Box {
         crs: RequestCrs::Geographic,
@@ -108,6 +138,54 @@ fn directories_in_a_circle_end() {
     bytes[link..link + 4].copy_from_slice(&8_u32.to_le_bytes());
     std::fs::write(&path, bytes).unwrap();
     assert!(open_height(&path, &HeightOptions::default()).is_ok());
+}
+
+#[test]
+fn giants_of_a_few_bytes_are_refused_at_once() {
+    let giant = [(WIDTH, 1 << 20), (HEIGHT, 0x7fff_ffff), (ROWS_PER_STRIP, 0x7fff_ffff)];
+    let sparse = [(STRIP_OFFSET, 0), (STRIP_COUNT, 0)];
+    let error = altered(&[&giant[..], &sparse[..]].concat(), None).err().unwrap();
+    assert!(error.contains("longer than any real image"), "{error}");
+    let error = altered(&giant, None).err().unwrap();
+    assert!(error.contains("beyond its end"), "{error}");
+    let error = altered(&[&giant[..], &[(COMPRESSION, 8)]].concat(), None).err().unwrap();
+    assert!(error.contains("MiB") && error.contains("TILED=YES"), "{error}");
+}
+
+#[test]
+fn strips_that_were_never_written_are_zeros_or_nodata() {
+    let sparse = [(STRIP_OFFSET, 0), (STRIP_COUNT, 0)];
+    let grid = SampleGrid::Box {
+        crs: RequestCrs::Geographic,
+        west: 8.0,
+        south: 45.84,
+        east: 8.16,
+        north: 46.0,
+        width: 16,
+        height: 16,
+    };
+    for (nodata, expected) in [(None, 0.0), (Some(-1.0), f32::NAN)] {
+        let field = altered(&sparse, nodata).unwrap();
+        let mut heights = vec![5.0; grid.len()];
+        field.sample(&grid, &mut heights).unwrap();
+        assert!(heights.iter().all(|height| height.to_bits() == f32::to_bits(expected)), "{heights:?}");
+    }
+}
+
+#[test]
+fn a_length_that_is_too_short_is_made_right() {
+    assert_eq!(altered(&[(STRIP_COUNT, 100)], None).unwrap().range(), (0.0, 255.0));
+}
+
+#[test]
+fn a_photo_of_which_nothing_can_be_decoded_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("photo.tif");
+    let mut bytes = tiny();
+    set(&mut bytes, COMPRESSION, 8);
+    std::fs::write(&path, bytes).unwrap();
+    let error = open_colour(&path, &SourceOptions::default()).err().unwrap().to_string();
+    assert!(error.contains("cannot be decoded") && error.contains("fetch it again"), "{error}");
 }
 
 proptest! {

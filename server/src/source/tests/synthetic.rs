@@ -2,7 +2,7 @@
 
 use crate::source::{
     ColourField, Cover, CoverField, HeightField, HeightOptions, RequestCrs, SampleGrid, SourceOptions,
-    open_colour, open_height, open_land_cover,
+    open_canopy_height, open_colour, open_height, open_land_cover,
 };
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -386,6 +386,23 @@ fn a_photo_is_bilinear_at_its_own_level_and_opaque_to_its_edge() {
                 assert_eq!(found, [0; 4]);
             }
         }
+    }
+}
+
+#[test]
+fn a_picture_is_taken_for_nothing_that_is_measured() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = file(&folder, "picture.tif");
+    let placed = Placed { corner: (8.0, 46.0, PIXEL, PIXEL), epsg: 4326, nodata: None, point: false };
+    write::<RGB8>(&path, 20, 20, &[9; 1200], &placed);
+    let options = SourceOptions::default();
+    let errors = [
+        open_height(&path, &HeightOptions::default()).err().unwrap(),
+        open_land_cover(&path, &options, &BTreeMap::new(), &[]).err().unwrap(),
+        open_canopy_height(&path, &options, Some(0.1), &[]).err().unwrap(),
+    ];
+    for (error, word) in errors.iter().zip(["terrain model", "no classes", "no heights of a canopy"]) {
+        assert!(error.to_string().contains(word), "{error}");
     }
 }
 
