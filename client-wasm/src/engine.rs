@@ -19,7 +19,7 @@ use treeline_core::camera::GeographicCamera;
 use treeline_core::geodesy::{self, Geodetic};
 use treeline_core::layer::Layer;
 use treeline_core::query::get_map_query;
-use treeline_core::scene::SceneDescription;
+use treeline_core::scene::{SceneDescription, SceneSpecies};
 use treeline_core::sun::{SunPosition, TimeError, unix_seconds_from_rfc3339};
 use treeline_core::tile::TileAddress;
 use treeline_shaders::layout::View;
@@ -333,6 +333,10 @@ impl Engine {
             flags: 0,
             // Dithering stands still: a picture is a function of its view.
             frame: 0,
+            grid_place: grid.place(),
+            tree_size: typical_tree(&self.scene.species),
+            scene_seed: self.scene.seed,
+            padding: [0; 3],
         }
     }
 
@@ -463,4 +467,14 @@ impl Engine {
             limited: self.stream.is_limited(),
         }
     }
+}
+
+/// Height in metres, and crown radius over it, of the mean of a scene's species.
+fn typical_tree(species: &[SceneSpecies]) -> [f32; 2] {
+    if species.is_empty() {
+        return [0.0; 2];
+    }
+    let mean =
+        |of: fn(&SceneSpecies) -> f64| (species.iter().map(of).sum::<f64>() / species.len() as f64) as f32;
+    [mean(|species| species.height), mean(|species| species.crown_radius_ratio)]
 }

@@ -160,6 +160,14 @@ pub struct View {
     pub flags: u32,
     /// Counts frames, for dithering; 0 in tests.
     pub frame: u32,
+    /// Place of the root grid's north-west corner, units of `treeline_core::seeds::place`.
+    pub grid_place: [u32; 2],
+    /// A typical tree of the scene: height in metres, radius of the crown over it.
+    pub tree_size: [f32; 2],
+    /// The seed that grows the scene's forest.
+    pub scene_seed: u32,
+    /// Zero.
+    pub padding: [u32; 3],
 }
 
 /// What the height-field pass knows beside the view: bind group 0, binding 10.

@@ -59,7 +59,11 @@ impl Pass {
                 PHOTO,
                 SHADOW,
                 include_str!("../wgsl/material.wgsl"),
-                include_str!("../wgsl/lighting.wgsl"),
+                LIGHTING,
+                SEEDS,
+                CROWNS,
+                CROWN_LIGHT,
+                include_str!("../wgsl/forest.wgsl"),
                 include_str!("../wgsl/shade.wgsl"),
             ],
         }
@@ -86,6 +90,14 @@ pub const SKY: &str = include_str!("../wgsl/sky.wgsl");
 pub const PHOTO: &str = include_str!("../wgsl/photo.wgsl");
 /// What the ground keeps of the light from the ground; needs [`PHOTO`] for the root grid.
 pub const SHADOW: &str = include_str!("../wgsl/shadow.wgsl");
+/// Radiance of ground, snow, forest and water, and the picture's exposure; needs [`SKY`].
+pub const LIGHTING: &str = include_str!("../wgsl/lighting.wgsl");
+/// Where trees may stand, as `treeline_core::seeds` has it.
+pub const SEEDS: &str = include_str!("../wgsl/seeds.wgsl");
+/// Trees along a ray where the heights do not hold them; needs [`SEEDS`], and [`SKY`] for π.
+pub const CROWNS: &str = include_str!("../wgsl/crowns.wgsl");
+/// Light among the crowns of [`CROWNS`]; needs [`LIGHTING`].
+pub const CROWN_LIGHT: &str = include_str!("../wgsl/crown_light.wgsl");
 
 /// The WGSL text of a pass.
 pub fn source(pass: Pass) -> String {

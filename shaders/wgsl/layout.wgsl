@@ -42,6 +42,9 @@ struct View {
     shadow_steps: u32,
     flags: u32,
     frame: u32,
+    grid_place: vec2<u32>,
+    tree_size: vec2<f32>,
+    scene_seed: u32,
 }
 
 struct Sheet {

@@ -44,18 +44,33 @@ fn snow_radiance(lit: Lit, albedo: vec3<f32>) -> vec3<f32> {
     return albedo * (lit.sun * facing * lit.sun_visible + surrounding_light(lit, albedo));
 }
 
-// Forest: crowns lit round their sides, dark between them, glowing against the sun and bright with it
-// behind the eye (no shadow between crowns is seen from there). `place`: 0 between crowns, 1 at their tops.
-fn canopy_radiance(lit: Lit, albedo: vec3<f32>, place: f32) -> vec3<f32> {
+// What the crowns leave of the light that falls on them.
+struct CrownLight {
+    // Of the sun's: angle, and the darkness between crowns.
+    direct: f32,
+    // Of what comes through leaves against the sun.
+    through: f32,
+    // Of the light from all round.
+    ambient: f32,
+}
+
+// Crowns are lit round their sides and dark between. `place`: 0 between crowns, 1 at their tops.
+fn crown_light(lit: Lit, place: f32) -> CrownLight {
     let facing = saturate((dot(lit.normal, view.sun.xyz) + 0.3) / 1.3);
     let depth = mix(0.3, 1.0, place);
+    return CrownLight(facing * depth, place, mix(0.45, 1.0, depth));
+}
+
+// Forest: it glows against the sun, and is bright with it behind the eye (no shadow between crowns is seen
+// from there).
+fn canopy_radiance(lit: Lit, albedo: vec3<f32>, crown: CrownLight) -> vec3<f32> {
     let away = dot(lit.direction, view.sun.xyz);
     let behind = pow(saturate(-away), 6.0);
-    let through = pow(saturate(away), 4.0) * place;
+    let through = pow(saturate(away), 4.0) * crown.through;
     let leaf_light = albedo * vec3<f32>(1.25, 1.25, 0.55);
     let sun = lit.sun * lit.sun_visible;
-    let direct = albedo * sun * facing * depth * (1.0 + 0.35 * behind);
-    return direct + 0.22 * leaf_light * sun * through + albedo * surrounding_light(lit, albedo) * mix(0.45, 1.0, depth);
+    let direct = albedo * sun * crown.direct * (1.0 + 0.35 * behind);
+    return direct + 0.22 * leaf_light * sun * through + albedo * surrounding_light(lit, albedo) * crown.ambient;
 }
 
 // Water: the sky's mirror, dark below, with the sun's glitter. `ripple` tilts the surface.

@@ -148,27 +148,14 @@ fn shaded_ground(direction: vec3<f32>, distance: f32, hit: vec4<u32>, dither: f3
     if WITH_CANOPY {
         let forest = max(cover.canopy, smoothstep(0.5, 3.0, cover.canopy_height));
         if forest > 0.0 {
-            let radius = i32(clamp(round(3.0 / cell_metres.y), 1.0, 4.0));
-            // Where cells are wider than 2 m the heights hold only the crowns' mean: the darkness of gaps and
-            // of the crowns' own far sides must come from here, the same on every level.
-            let unresolved = smoothstep(1.2, 2.2, cell_metres.y);
-            let crown = mix(crown_place(cell, slot, cover.canopy_height, radius), 0.45, unresolved);
-            // No two trees, and no two stands, are of one green.
-            let crown_tint = metric_noise(ground, 7.0, footprint, 21u);
-            let stand_tint = metric_noise(ground, 30.0, footprint, 26u) + metric_noise(ground, 90.0, footprint, 27u);
-            // Crowns too small for the heights still give the canopy its grain.
-            let grain = metric_noise(ground, 4.5, footprint, 22u) * (0.1 + 0.9 * unresolved);
-            let wide = normal_of(frame, slope_at(cell, slot, max(reach, radius + 1)));
-            // Boughs and twigs: light and dark within a crown, and a rough outline to the light.
-            let bough = upright_noise(ground, 1.6, footprint, 23u);
-            let twig = upright_noise(ground, 0.5, footprint, 24u);
-            let rough = vec3<f32>(bough, upright_noise(ground, 1.2, footprint, 25u), twig);
-            var forest_lit = lit;
-            forest_lit.normal = normalize(normal + 0.8 * wide + 0.15 * up + 0.45 * rough);
-            let tint = 1.0 + 0.16 * crown_tint + 0.10 * stand_tint + 0.18 * bough + 0.16 * twig;
-            let leaf = forest_reflectance(base) * (0.93 - 0.15 * unresolved) * tint;
-            let place_in_crown = saturate(crown + 0.3 * grain - 0.1 * abs(grain) + 0.2 * bough);
-            radiance = mix(radiance, canopy_radiance(forest_lit, leaf, place_in_crown), forest);
+            let radius = clamp(round(3.0 / cell_metres.y), 1.0, 4.0);
+            let wide = normal_of(frame, slope_at(cell, slot, max(reach, i32(radius) + 1)));
+            let point = ForestPoint(
+                cell, slot, footprint, cell_metres, cover.canopy_height, slope / cell_metres,
+                vec3<f32>(dot(direction, frame.u) * cell_metres.x, dot(direction, frame.v) * cell_metres.y, dot(direction, frame.h)),
+                toward, normalize(frame.u), normalize(frame.v), normal, wide,
+            );
+            radiance = mix(radiance, forest_radiance(point, ground, lit, base), forest);
         }
     }
     if WITH_WATER {
@@ -189,14 +176,6 @@ fn reflectance_of_photo(colour: vec3<f32>) -> vec3<f32> {
     let grey = max(luminance(colour), 1e-4);
     let lifted = 0.13 * pow(grey / 0.13, 0.82);
     return min(colour * (lifted / grey), vec3<f32>(0.9));
-}
-
-// Leaves behind a photo's forest colour: photos of crowns hold their shadows too, and a camera's green
-// is more vivid than a wood is.
-fn forest_reflectance(colour: vec3<f32>) -> vec3<f32> {
-    let grey = luminance(colour);
-    let calm = mix(vec3<f32>(grey) * vec3<f32>(0.98, 1.06, 0.62), colour, 0.7);
-    return calm * (2.1 / (1.0 + 7.0 * grey));
 }
 
 @fragment

@@ -1,6 +1,7 @@
 //! The root grid: the rectangle of tiles of one level at which the page tables begin, and the
 //! fixed-point coordinates that count from its north-west corner.
 
+use treeline_core::seeds::place::TURN_BITS;
 use treeline_core::tile::{self, GeographicBox, TileAddress};
 use treeline_shaders::layout::ROOT_BITS;
 
@@ -102,6 +103,12 @@ impl RootGrid {
         }
     }
 
+    /// The north-west corner in units of `treeline_core::seeds::place`.
+    pub fn place(&self) -> [u32; 2] {
+        let side_bits = TURN_BITS - 1 - u32::from(self.level);
+        [self.first_column << side_bits, self.first_row << side_bits]
+    }
+
     /// Grid coordinates of a square's north-west corner and its side; the square lies in the grid
     /// and at most [`ROOT_BITS`] levels below it.
     pub fn square(&self, address: TileAddress) -> Option<([u32; 2], u32)> {
@@ -177,6 +184,20 @@ mod tests {
         let child = root.children()[3];
         assert_eq!(grid.square(child), Some(([1 << 25, 1 << 25], 1 << 25)));
         assert_eq!(grid.square(TileAddress::at(8, 50.0, 0.05)), None);
+    }
+
+    #[test]
+    fn the_corner_is_where_the_first_root_begins() {
+        use treeline_core::seeds::place::{x_from_longitude, y_from_latitude};
+        for (west, north, level) in [(11.3, 46.9, 9), (-179.0, -10.0, 14), (179.0, 89.0, 7), (-1.0, 1.0, 2)] {
+            let extent = GeographicBox { west, south: north - 0.01, east: west + 0.01, north };
+            let grid = RootGrid::covering(&extent, level);
+            let bounds = grid.tile(0, 0).bounds();
+            assert_eq!(
+                grid.place().map(f64::from),
+                [x_from_longitude(bounds.west), y_from_latitude(bounds.north)]
+            );
+        }
     }
 
     #[test]

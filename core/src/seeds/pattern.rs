@@ -85,10 +85,7 @@ pub struct Candidate {
 pub fn candidate(pattern: u8, columns: u32, i: u32, j: u32) -> Candidate {
     let pattern = u32::from(pattern);
     let bits = hash(i, j, pattern);
-    let (jitter_x, jitter_y) = (bits & 0xfff, bits >> 12 & 0xfff);
-    let stagger = (j & 1) << 10;
-    let u = (i << 12) + stagger + ((jitter_x * 3) >> 2);
-    let v = (j << 12) + (1 << 9) + ((jitter_y * 3) >> 2);
+    let [u, v] = jittered(bits, i, j);
     let more = mix(bits ^ 0xa511_e9b3);
     Candidate {
         x: (u << 2) / columns,
@@ -97,6 +94,18 @@ pub fn candidate(pattern: u8, columns: u32, i: u32, j: u32) -> Candidate {
         size: (bits >> 24) as u8,
         rotation: (more >> 24) as u8,
     }
+}
+
+/// Where the candidate of a sub-cell stands, in 1/4096 of a sub-cell from the cell's north-west corner:
+/// the same whatever the number of columns.
+pub fn sub_cell_place(pattern: u8, i: u32, j: u32) -> [u32; 2] {
+    jittered(hash(i, j, u32::from(pattern)), i, j)
+}
+
+fn jittered(bits: u32, i: u32, j: u32) -> [u32; 2] {
+    let (jitter_x, jitter_y) = (bits & 0xfff, bits >> 12 & 0xfff);
+    let stagger = (j & 1) << 10;
+    [(i << 12) + stagger + ((jitter_x * 3) >> 2), (j << 12) + (1 << 9) + ((jitter_y * 3) >> 2)]
 }
 
 /// Three base-4 digits, then ten random bits: of every 2 × 2 sub-cells one has each first digit, of

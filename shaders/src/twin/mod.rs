@@ -4,6 +4,8 @@
 //! clever. Production uses them where the answer is wanted without the GPU: the height under the camera, the
 //! place under the pointer, the rays that a frame missed.
 
+pub mod crown_light;
+pub mod crowns;
 pub mod height_field;
 pub mod max_mip;
 pub mod maximum_mip;
