@@ -101,6 +101,40 @@ async fn web_mercator_and_the_scenes_own_crs() {
 }
 
 #[tokio::test]
+async fn a_geographic_crs_of_the_scenes_own_has_latitude_first_in_1_3_0() {
+    let kind = Kind { epsg: Some(4258), ..Kind::default() };
+    let router = router(app_with(kind, &Config::default()).0);
+    let wanted = height_at(10.5, 46.2);
+    for query in [
+        map(
+            "1.3.0",
+            &format!("LAYERS=elevation&CRS=EPSG:4258&BBOX=46.1,10.4,46.3,10.6&WIDTH=1&HEIGHT=1&{BIL32}"),
+        ),
+        map(
+            "1.1.1",
+            &format!("LAYERS=elevation&SRS=EPSG:4258&BBOX=10.4,46.1,10.6,46.3&WIDTH=1&HEIGHT=1&{BIL32}"),
+        ),
+    ] {
+        assert_close(&floats(&get(&router, &query).await.body), &[wanted], 0.1);
+    }
+    let text = get(&router, "/wms?SERVICE=WMS&REQUEST=GetCapabilities").await.text();
+    assert!(
+        text.contains("<BoundingBox CRS=\"EPSG:4258\" minx=\"46\" miny=\"10\" maxx=\"47\" maxy=\"11\"/>")
+    );
+    for text in ["1e39", "-3.5e38"] {
+        let query = format!(
+            "LAYERS=elevation&CRS=CRS:84&BBOX=10.4,46.1,10.6,46.3&WIDTH=1&HEIGHT=1&{BIL32}&NODATA={text}"
+        );
+        let answer = get(&router, &map("1.3.0", &query)).await;
+        assert!(
+            answer.status == StatusCode::BAD_REQUEST && answer.text().contains(text),
+            "{}",
+            answer.text()
+        );
+    }
+}
+
+#[tokio::test]
 async fn every_layer_in_every_format() {
     let router = full();
     for row in &treeline_core::layer::LAYERS {

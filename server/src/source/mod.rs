@@ -119,7 +119,8 @@ pub struct FieldExtent {
     pub bounds: GeographicBox,
     /// Finest sample distance, metres.
     pub resolution_metres: f64,
-    /// The raster's own projected CRS as an EPSG code, where it has one that requests may name.
+    /// The raster's own CRS as an EPSG code, where it has one that requests may name: a projected one,
+    /// or a geographic one whose coordinates are taken for WGS84's.
     pub projected_epsg: Option<u32>,
 }
 

@@ -96,7 +96,10 @@ pub fn field_extent(placement: &Placement) -> FieldExtent {
     FieldExtent {
         bounds: placement.bounds(),
         resolution_metres: placement.resolution_metres(),
-        projected_epsg: crs.epsg().filter(|_| !crs.is_geographic() && !crs.is_web_mercator()),
+        projected_epsg: crs.epsg().filter(|&code| {
+            let geographic = crs.is_plain_geographic() && code != 4326;
+            geographic || !crs.is_geographic() && !crs.is_web_mercator()
+        }),
     }
 }
 

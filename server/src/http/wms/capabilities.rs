@@ -2,7 +2,7 @@
 
 use super::exception::ServiceException;
 use super::feature_info;
-use super::reference_system::projected;
+use super::reference_system::own_systems;
 use super::version::Version;
 use super::xml::escape;
 use crate::http::answer;
@@ -188,7 +188,7 @@ fn boxes_1_3_0(scene: &Scene, bounds: &GeographicBox) -> String {
     out += &bounding_box("CRS", "CRS:84", [bounds.west, bounds.south, bounds.east, bounds.north]);
     out += &bounding_box("CRS", "EPSG:4326", [bounds.south, bounds.west, bounds.north, bounds.east]);
     out += &bounding_box("CRS", "EPSG:3857", web_mercator(bounds));
-    for epsg in projected(scene) {
+    for epsg in own_systems(scene) {
         if let Some([west, south, east, north]) = extent_in(epsg, bounds) {
             let ordered = if crs::northing_first(epsg) {
                 [south, west, north, east]
@@ -209,7 +209,7 @@ fn boxes_1_1_1(scene: &Scene, bounds: &GeographicBox) -> String {
     );
     out += &bounding_box("SRS", "EPSG:4326", [bounds.west, bounds.south, bounds.east, bounds.north]);
     out += &bounding_box("SRS", "EPSG:3857", web_mercator(bounds));
-    for epsg in projected(scene) {
+    for epsg in own_systems(scene) {
         if let Some(numbers) = extent_in(epsg, bounds) {
             out += &bounding_box("SRS", &format!("EPSG:{epsg}"), numbers);
         }

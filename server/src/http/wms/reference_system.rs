@@ -58,14 +58,18 @@ impl ReferenceSystem {
             _ => {}
         }
         let epsg: u32 = text.strip_prefix("EPSG:")?.parse().ok()?;
-        projected(scene).contains(&epsg).then_some(())?;
+        own_systems(scene).contains(&epsg).then_some(())?;
+        if crs::is_geographic_code(epsg) {
+            // Only those whose coordinates are WGS84's are among them.
+            return system(RequestCrs::Geographic, true);
+        }
         system(RequestCrs::Projected(epsg), crs::northing_first(epsg))
     }
 
     /// All names in which the scene is served.
     pub fn names(scene: &Scene) -> Vec<String> {
         let mut names = ["CRS:84", "EPSG:4326", "EPSG:3857"].map(str::to_owned).to_vec();
-        names.extend(projected(scene).iter().map(|epsg| format!("EPSG:{epsg}")));
+        names.extend(own_systems(scene).iter().map(|epsg| format!("EPSG:{epsg}")));
         names
     }
 
@@ -79,8 +83,8 @@ impl ReferenceSystem {
     }
 }
 
-/// EPSG codes of the projected systems that the scene's own rasters are in.
-pub fn projected(scene: &Scene) -> Vec<u32> {
+/// EPSG codes of the systems that the scene's own rasters are in, besides those in which every scene is served.
+pub fn own_systems(scene: &Scene) -> Vec<u32> {
     let mut codes: Vec<u32> = [
         scene.height.extent().projected_epsg,
         scene.colour.as_ref().and_then(|colour| colour.extent().projected_epsg),

@@ -134,8 +134,9 @@ fn open(path: &Path, assume_crs: Option<&str>) -> Result<Raster, Refusal> {
     let keys = GeoKeys::read(&bytes, first);
     let affine = georeference::read(path, &bytes, first, &keys)?;
     let crs = system(&keys, assume_crs)?;
-    let nodata = metadata::nodata(&bytes, first);
-    let scale_and_offset = metadata::scale_and_offset(&bytes, first, 0);
+    let aside = metadata::Beside::read(path);
+    let nodata = metadata::nodata(&bytes, first).or(aside.nodata);
+    let scale_and_offset = metadata::scale_and_offset(&bytes, first, 0, &aside);
     let file = Arc::new(SourceFile::new(bytes, skeleton.big_endian));
     let mut others = images_of(&file, &skeleton, main);
     let mut image = Image::new(Arc::clone(&file), main as u32, layout);
