@@ -23,19 +23,19 @@ pub struct Arguments {
     #[arg(long, value_name = "GRID.NPY")]
     pub heightfield: Option<PathBuf>,
     /// Distance between samples of the height field, metres.
-    #[arg(long, value_name = "METRES", allow_hyphen_values = true)]
+    #[arg(long, value_name = "METRES", allow_hyphen_values = true, value_parser = metres)]
     pub cell_size: Option<f64>,
     /// Place of the height field's south-west sample, metres. [default: 0,0]
     #[arg(long, value_name = "X,Y", allow_hyphen_values = true, value_parser = pair)]
     pub origin: Option<[f64; 2]>,
     /// Bend the height field: the surface at distance d from the eye lies d²/2R lower.
-    #[arg(long, value_name = "METRES", allow_hyphen_values = true)]
+    #[arg(long, value_name = "METRES", allow_hyphen_values = true, value_parser = metres)]
     pub earth_radius: Option<f64>,
     /// Who looks: JSON. [default for scenes: the scene's own view]
     #[arg(long, value_name = "CAMERA.JSON")]
     pub camera: Option<PathBuf>,
     /// Picture, pixels.
-    #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = size)]
+    #[arg(long, value_name = "WIDTHxHEIGHT", allow_hyphen_values = true, value_parser = size)]
     pub size: [u32; 2],
     /// Write the picture (PNG, or JPEG by the file's ending).
     #[arg(long, value_name = "OUT.PNG")]
@@ -56,10 +56,10 @@ pub struct Arguments {
     #[arg(long, value_name = "NAME", default_value = "max-mip", value_parser = intersector)]
     pub intersector: String,
     /// Bound of the intersector's steps, for those that take one (max-mip is exact and takes none).
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", allow_hyphen_values = true, value_parser = whole::<1, { u32::MAX }>)]
     pub steps: Option<u32>,
     /// Steps of the march toward the sun; 0 for no shadows.
-    #[arg(long, value_name = "N", default_value_t = treeline_client::engine::DEFAULT_SHADOW_STEPS, value_parser = clap::value_parser!(u32).range(0..=1000))]
+    #[arg(long, value_name = "N", default_value_t = treeline_client::engine::DEFAULT_SHADOW_STEPS, allow_hyphen_values = true, value_parser = whole::<0, 1000>)]
     pub shadow_steps: u32,
     /// What chooses the tiles.
     #[arg(long, value_name = "NAME", default_value = "cpu", value_parser = tile_choice)]
@@ -68,7 +68,7 @@ pub struct Arguments {
     #[arg(long, value_enum, default_value_t = Adapter::Any)]
     pub adapter: Adapter,
     /// Draw so many times; times are medians.
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    #[arg(long, value_name = "N", default_value_t = 1, allow_hyphen_values = true, value_parser = whole::<1, 10_000>)]
     pub repeat: u32,
 }
 
@@ -157,6 +157,15 @@ impl Arguments {
                 output::check_folder(flag, path)?;
             }
         }
+        let given: Vec<_> = outputs.iter().filter_map(|(flag, path)| Some((flag, path.as_ref()?))).collect();
+        for (index, (flag, path)) in given.iter().enumerate() {
+            if let Some((first, _)) = given[..index].iter().find(|(_, known)| known == path) {
+                return Err(ShotError::input(format!(
+                    "{first} and {flag} name the same file, {}; give each its own",
+                    path.display()
+                )));
+            }
+        }
         self.color.as_deref().map_or(Ok(()), output::check_picture)
     }
 
@@ -171,6 +180,18 @@ impl Arguments {
         }
         Ok(())
     }
+}
+
+/// A whole number from `LEAST` to `GREATEST`.
+fn whole<const LEAST: u32, const GREATEST: u32>(text: &str) -> Result<u32, String> {
+    let number = text.trim().parse().ok().filter(|number| (LEAST..=GREATEST).contains(number));
+    number.ok_or_else(|| format!("it must be a whole number from {LEAST} to {GREATEST}"))
+}
+
+/// A length.
+fn metres(text: &str) -> Result<f64, String> {
+    let number = text.trim().parse::<f64>().ok().filter(|number| number.is_finite() && *number > 0.0);
+    number.ok_or_else(|| "it must be a length in metres, more than 0, as in 1.7".into())
 }
 
 fn pair(text: &str) -> Result<[f64; 2], String> {
@@ -247,11 +268,18 @@ mod tests {
             ("shot --size 640 --color o.png", "--size"),
             ("shot --size 6x5 --colour o.png", "--colour"),
             ("shot --size 6x5 --color o.png --origin 1", "--origin"),
+            ("shot --size -6x5 --color o.png", "--size"),
+            ("shot --size 6x5 --color o.png --repeat 0", "1 to 10000"),
+            ("shot --size 6x5 --color o.png --steps -1", "--steps"),
+            ("shot --size 6x5 --color o.png --shadow-steps x", "0 to 1000"),
+            ("shot --size 6x5 --color o.png --cell-size nan", "--cell-size"),
+            ("shot --size 6x5 --color o.png --earth-radius -5", "more than 0"),
         ] {
             assert!(parse(line).unwrap_err().contains(word), "{line}");
         }
         for (line, word) in [
             ("shot --size 6x5", "nothing to write"),
+            ("shot --size 6x5 --depth o --stats o", "the same file"),
             ("shot --size 6x5 --color o.png --cell-size 2", "--cell-size"),
             ("shot --size 6x5 --color o.png --heightfield g.npy", "--cell-size"),
             ("shot --size 6x5 --color o.png --heightfield g.npy --cell-size 2", "--camera"),

@@ -22,7 +22,13 @@ pub fn shoot(arguments: &Arguments) -> Result<(), ShotError> {
     };
     let camera = camera_file::plane(camera)?;
     let about = |text: String| ShotError::input(format!("--heightfield {}: {text}", path.display()));
-    let bytes = std::fs::read(path).map_err(|error| about(error.to_string()))?;
+    // Looked at before it is opened: a pipe would wait for a writer, a device might never end.
+    let regular =
+        std::fs::metadata(path).map_err(|error| about(format!("cannot be read ({error})")))?.is_file();
+    if !regular {
+        return Err(about("it is no regular file; name a .npy file".into()));
+    }
+    let bytes = std::fs::read(path).map_err(|error| about(format!("cannot be read ({error})")))?;
     let grid = npy::read(&bytes).map_err(about)?;
     drop(bytes);
     let origin = arguments.origin.unwrap_or_default();
@@ -53,10 +59,13 @@ fn write(arguments: &Arguments, adapter: &str, frame: &HeightFieldFrame) -> Resu
         output::write("--depth", path, &npy::write(height, width, &frame.distance))?;
     }
     if let Some(path) = &arguments.stats {
+        // The pyramids are made on the CPU, and a grid without a cell is drawn by no pass at all.
+        let drawn = frame.milliseconds.iter().any(|&time| time > 0.0);
+        let pipelines: &[&str] = if drawn { &["height_field"] } else { &[] };
         let document = json!({
             "adapter": adapter,
             "passes": {"height_field": statistics::median(&frame.milliseconds)},
-            "pipelines": ["maximum_mip", "height_field"],
+            "pipelines": pipelines,
             "tiles": {},
             "bytes": {},
             "texel_fetches_per_ray": fetch_statistics(frame.fetches.iter().map(|&count| u32::from(count))),

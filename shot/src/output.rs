@@ -10,7 +10,9 @@ const JPEG_QUALITY: u8 = 92;
 
 /// Writes beside the file, then takes its place.
 pub fn write(flag: &str, path: &Path, bytes: &[u8]) -> Result<(), ShotError> {
-    let folder = folder_of(path);
+    // What a link points to is replaced, not the link.
+    let target = std::fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf());
+    let folder = folder_of(&target);
     let problem = |error: std::io::Error| {
         ShotError::input(format!(
             "{flag} {}: cannot be written ({}); name a file in a folder that this user may write",
@@ -27,18 +29,20 @@ pub fn write(flag: &str, path: &Path, bytes: &[u8]) -> Result<(), ShotError> {
     }
     let mut file = builder.prefix(".treeline-shot").tempfile_in(folder).map_err(problem)?;
     file.write_all(bytes).and_then(|()| file.as_file().sync_all()).map_err(problem)?;
-    file.persist(path).map_err(|error| problem(error.error))?;
+    file.persist(&target).map_err(|error| problem(error.error))?;
     Ok(())
 }
 
-/// Checks before any work that there is a folder for the file.
+/// Checks before any work that there is a folder for the file, and nothing in its place but a file.
 pub fn check_folder(flag: &str, path: &Path) -> Result<(), ShotError> {
-    let folder = folder_of(path);
-    if folder.is_dir() && !path.is_dir() {
-        return Ok(());
-    }
-    let problem =
-        if path.is_dir() { "it is a folder; name a file" } else { "there is no such folder; make it first" };
+    let problem = match std::fs::metadata(path) {
+        Ok(found) if found.is_dir() => "it is a folder; name a file",
+        // A device or a pipe would be replaced by a file, whole: nobody wants /dev/null to be one.
+        Ok(found) if !found.is_file() => "it is no regular file; name a file",
+        Ok(_) => return Ok(()),
+        Err(_) if folder_of(path).is_dir() => return Ok(()),
+        Err(_) => "there is no such folder; make it first",
+    };
     Err(ShotError::input(format!("{flag} {}: {problem}", path.display())))
 }
 
@@ -97,5 +101,20 @@ mod tests {
         let error = write("--stats", &folder.path().join("no/where.json"), b"").unwrap_err();
         assert!(error.to_string().starts_with("--stats "));
         assert!(check_picture(Path::new("a.gif")).is_err());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn devices_are_left_alone_and_links_are_followed() {
+        let error = check_folder("--depth", Path::new("/dev/null")).unwrap_err();
+        assert_eq!(error.to_string(), "--depth /dev/null: it is no regular file; name a file");
+        let folder = tempfile::tempdir().unwrap();
+        let (file, link) = (folder.path().join("file"), folder.path().join("link"));
+        std::fs::write(&file, b"old").unwrap();
+        std::os::unix::fs::symlink(&file, &link).unwrap();
+        check_folder("--stats", &link).unwrap();
+        write("--stats", &link, b"new").unwrap();
+        assert_eq!(std::fs::read(&file).unwrap(), b"new");
+        assert!(std::fs::symlink_metadata(&link).unwrap().is_symlink());
     }
 }
