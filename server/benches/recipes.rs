@@ -12,7 +12,7 @@ use treeline_core::tile::{GeographicBox, TileAddress};
 use treeline_server::recipe::{Format, TileRequest, make};
 use treeline_server::scene::Scene;
 use treeline_server::source::{
-    ColourField, Cover, CoverField, FieldExtent, HeightField, SampleGrid, SourceError,
+    ColourField, Cover, CoverField, FieldExtent, HeightField, SampleGrid, SourceError, procedural,
 };
 
 const ROUNDS: usize = 15;
@@ -134,13 +134,17 @@ fn scene(photo: bool) -> Scene {
 }
 
 fn measure(name: &str, scene: &Scene, request: &TileRequest) {
+    time(name, || make(scene, request).map(|bytes| drop(std::hint::black_box(bytes))));
+}
+
+/// Prints the median of some rounds of work, less what the benchmark's own fields took of it.
+fn time<E: std::fmt::Debug>(name: &str, mut work: impl FnMut() -> Result<(), E>) {
     let mut times: Vec<f64> = (0..ROUNDS)
         .map(|_| {
             let before = READING.load(Ordering::Relaxed);
             let start = Instant::now();
-            let bytes = make(scene, request).expect("a tile");
+            work().expect("it works");
             let total = start.elapsed().as_nanos() as f64;
-            std::hint::black_box(bytes);
             (total - (READING.load(Ordering::Relaxed) - before) as f64) / 1.0e6
         })
         .collect();
@@ -155,7 +159,7 @@ fn main() {
         let window = LatticeWindow::of_tile(TileAddress::at(level, 10.4, 46.4), row.registration, row.border);
         TileRequest::new(layer, SampleGrid::Lattice(window), format)
     };
-    for level in [10, 14, 15, 16, 17, 18] {
+    for level in 8..=18 {
         let own = request(Layer::CombinedElevation, level, Format::Own);
         measure(&format!("combined-elevation, level {level}, own"), &plain, &own);
     }
@@ -172,4 +176,26 @@ fn main() {
     measure("texture, level 14, jpeg, photo", &photo, &request(Layer::Texture, 14, Format::Jpeg));
     measure("texture, level 14, jpeg, relief", &plain, &request(Layer::Texture, 14, Format::Jpeg));
     measure("texture, level 14, webp, photo", &photo, &request(Layer::Texture, 14, Format::WebP));
+    built_in_fields();
+}
+
+/// What the built-in scene's own fields take for a tile.
+fn built_in_fields() {
+    let (height, cover, colour) = (procedural::height(), procedural::cover(), procedural::colour());
+    let (longitude, latitude) = height.extent().bounds.centre();
+    let window = |layer: Layer, level: u8| {
+        let row = layer.row();
+        LatticeWindow::of_tile(TileAddress::at(level, longitude, latitude), row.registration, row.border)
+    };
+    for level in [11, 13, 15] {
+        let heights = window(Layer::Elevation, level);
+        let (grid, mut out) = (SampleGrid::Lattice(heights), vec![0.0; heights.len()]);
+        time(&format!("built-in heights, level {level}"), || height.sample(&grid, &mut out));
+        let cells = window(Layer::Lcc, level);
+        let (grid, mut out) = (SampleGrid::Lattice(cells), vec![Cover::default(); cells.len()]);
+        time(&format!("built-in cover, level {level}"), || cover.sample(&grid, &mut out));
+        let texels = window(Layer::Texture, level);
+        let (grid, mut out) = (SampleGrid::Lattice(texels), vec![[0; 4]; texels.len()]);
+        time(&format!("built-in photo, level {level}"), || colour.sample(&grid, &mut out));
+    }
 }

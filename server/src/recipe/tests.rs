@@ -401,6 +401,50 @@ fn classes_are_the_same_on_all_levels() {
 }
 
 #[test]
+fn a_place_has_one_class_on_every_level() {
+    let scene = scene();
+    let levels = land_cover_levels(&scene).unwrap();
+    let class_at_level_1 = |column: i64, row: i64| {
+        let one = LatticeWindow {
+            level: levels.l1,
+            registration: Registration::Cell,
+            first_column: column,
+            first_row: row,
+            width: 1,
+            height: 1,
+        };
+        stands::cover_of_cells(&scene, &levels, &one).unwrap()[0]
+    };
+    let mut wooded = 0;
+    for level in 4..=levels.l1 + 3 {
+        let whole = LatticeWindow::of_tile(TileAddress::at(level, 10.371, 46.437), Registration::Cell, 0);
+        let (column, row) = match level {
+            // The box of the land cover is smaller than a tile.
+            0..=8 => {
+                let step = whole.step_degrees();
+                (((10.371 + 180.0) / step) as i64 - 8, ((90.0 - 46.437) / step) as i64 - 8)
+            }
+            _ => (whole.first_column + 200, whole.first_row + 300),
+        };
+        let cells = LatticeWindow { first_column: column, first_row: row, width: 16, height: 16, ..whole };
+        let classes = stands::cover_of_cells(&scene, &levels, &cells).unwrap();
+        for (index, class) in classes.iter().enumerate() {
+            let (column, row) = (column + index as i64 % 16, row + index as i64 / 16);
+            // The level-1 cell south-east of the cell's middle, or the one that the cell is part of.
+            let place = |cell: i64| {
+                if level >= levels.l1 {
+                    return cell >> (level - levels.l1);
+                }
+                (2 * cell + 1) << (levels.l1 - level - 1)
+            };
+            assert_eq!(*class, class_at_level_1(place(column), place(row)), "level {level}");
+        }
+        wooded += usize::from(classes.iter().any(|cover| cover.species > 0));
+    }
+    assert!(wooded > 4, "{wooded}");
+}
+
+#[test]
 fn a_class_beyond_the_table_is_refused() {
     let mut scene = scene();
     struct Strange(crate::source::FieldExtent);

@@ -4,6 +4,7 @@
 //! built-in procedural landscape answer alike.
 
 pub mod classified_cover;
+pub mod coarse_lattice;
 pub mod crs;
 pub mod description;
 pub mod geotiff;
@@ -16,6 +17,7 @@ pub mod raster_colour;
 pub mod raster_cover;
 pub mod raster_height;
 pub mod summary;
+mod wide;
 pub mod window;
 
 #[cfg(test)]

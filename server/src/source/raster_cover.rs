@@ -63,13 +63,16 @@ impl NearestRaster {
             SampleGrid::Box { .. } => grid.len() as f64,
         };
         let index = choose_image(&self.raster, step, samples * step.0 * step.1, FULL_WINDOW_PIXELS, 1.0);
-        let view = View { raster: &self.raster, placement: &self.placement, index };
+        let image = &self.raster.images[index];
+        let view = View::of(&self.raster, &self.placement, index);
         let width = grid.size().0 as usize;
         view.visit(&projector, grid.size(), &mut |block| {
             let window = if block.is_outside() {
                 Vec::new()
             } else {
-                view.fetch(block, |image, rect| image.read_values(0, rect, &self.rule))?
+                view.fetch(block, |rect| {
+                    image.read_values(0, rect, &self.rule).map_err(|problem| self.raster.read_error(problem))
+                })?
             };
             let (left, top) = (block.window_origin.0 as f64, block.window_origin.1 as f64);
             for row in 0..block.size.1 {

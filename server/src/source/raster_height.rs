@@ -1,5 +1,6 @@
 //! Heights from a raster: bilinear between pixel centres, a void never blended into data.
 
+use super::coarse_lattice::{CoarseLattice, Sample, samples_in};
 use super::geotiff::Raster;
 use super::geotiff::image::{Rect, ValueRule};
 use super::placement::Placement;
@@ -8,13 +9,19 @@ use super::summary::Summary;
 use super::window::{Block, View, choose_image};
 use super::{Description, FieldExtent, HeightField, SampleGrid, SourceError};
 use std::sync::{Arc, OnceLock};
-use treeline_core::tile::{CELLS, GeographicBox};
+use treeline_core::grid::{LatticeWindow, Registration};
+use treeline_core::tile::{self, CELLS, GeographicBox};
 
 /// Heights beyond this, metres, are no heights of the Earth.
 pub const BELIEVABLE_METRES: f64 = 1e6;
 /// Windows up to this many pixels are read at full resolution, so that a height is the place's own
-/// whatever the level.
+/// whatever the level; beyond, an overview is read where there is one.
 const FULL_WINDOW_PIXELS: f64 = 64.0 * 1024.0 * 1024.0;
+/// Rasters up to this many pixels are read at full resolution for the nodes of every level: a second or
+/// two, once.
+const FULL_RASTER_PIXELS: u64 = 256 << 20;
+/// Levels from a raster's own to the finest whose nodes are kept: they lie 16 to 32 pixels apart.
+const KEPT_BELOW: u8 = 4;
 /// Boxes up to this many pixels have their maxima from the pixels themselves.
 const EXACT_MAXIMA_PIXELS: u64 = 1 << 20;
 /// A neighbour of less weight than this, in pixels, is not a neighbour: a sample that stands at a
@@ -28,6 +35,21 @@ pub struct RasterHeight {
     rule: ValueRule,
     extent: FieldExtent,
     summary: OnceLock<Summary>,
+    /// The full image's heights on the nodes of levels far coarser than its own.
+    coarse: OnceLock<CoarseLattice<f32>>,
+}
+
+impl Sample for f32 {
+    const NOTHING: Self = Self::NAN;
+
+    fn is_nothing(self) -> bool {
+        self.is_nan()
+    }
+
+    /// Heights are those of places: the node at the same place.
+    fn of_four([north_west, ..]: [Self; 4]) -> Self {
+        north_west
+    }
 }
 
 impl RasterHeight {
@@ -38,7 +60,7 @@ impl RasterHeight {
     pub fn new(raster: Arc<Raster>, rule: ValueRule) -> Result<Self, SourceError> {
         let placement = Placement::of(&raster)?;
         let extent = field_extent(&placement);
-        Ok(Self { raster, placement, rule, extent, summary: OnceLock::new() })
+        Ok(Self { raster, placement, rule, extent, summary: OnceLock::new(), coarse: OnceLock::new() })
     }
 
     /// The file.
@@ -60,15 +82,59 @@ impl RasterHeight {
         self.summary.get_or_init(|| Summary::build(&self.raster, 0, &self.rule))
     }
 
-    fn view(&self, projector: &Projector<'_>, grid: &SampleGrid) -> View<'_> {
+    /// The finest level whose nodes are kept; far fewer than there are pixels, however little square those
+    /// may be.
+    fn finest_kept_level(&self) -> Option<u8> {
+        let own = tile::level_for_cell_metres(self.extent.resolution_metres);
+        let (width, height) = self.raster.size();
+        let most = f64::from(width) * f64::from(height) / 16.0 + 1.0e5;
+        (0..=own.checked_sub(KEPT_BELOW)?).rev().find(|&level| samples_in(&self.extent.bounds, level) <= most)
+    }
+
+    /// The image to read.
+    fn image(&self, projector: &Projector<'_>, grid: &SampleGrid) -> usize {
         let step = projector.pixels_per_sample();
         // For a lattice by the level alone, not by the window: neighbours must read the same image.
+        let (width, height) = self.raster.size();
+        if is_of_nodes(grid) && u64::from(width) * u64::from(height) <= FULL_RASTER_PIXELS {
+            return 0;
+        }
         let samples = match grid {
             SampleGrid::Lattice(_) => f64::from(CELLS + 3).powi(2),
             SampleGrid::Box { .. } => grid.len() as f64,
         };
-        let index = choose_image(&self.raster, step, samples * step.0 * step.1, FULL_WINDOW_PIXELS, 1.0);
-        View { raster: &self.raster, placement: &self.placement, index }
+        choose_image(&self.raster, step, samples * step.0 * step.1, FULL_WINDOW_PIXELS, 1.0)
+    }
+
+    /// Heights of a grid of so many columns and rows, bilinear in an image.
+    fn interpolate(
+        &self,
+        projector: &Projector<'_>,
+        size: (u32, u32),
+        image: usize,
+        out: &mut [f32],
+    ) -> Result<(), SourceError> {
+        let view = View::of(&self.raster, &self.placement, image);
+        let source = &self.raster.images[image];
+        view.visit(projector, size, &mut |block| {
+            let window = if block.is_outside() {
+                Vec::new()
+            } else {
+                view.fetch(block, |rect| {
+                    source.read_values(0, rect, &self.rule).map_err(|problem| self.raster.read_error(problem))
+                })?
+            };
+            for row in 0..block.size.1 {
+                let start = (block.origin.1 + row) as usize * size.0 as usize + block.origin.0 as usize;
+                let line = &mut out[start..start + block.size.0 as usize];
+                if block.is_outside() {
+                    line.fill(f32::NAN);
+                } else {
+                    sample_row(block, row, &window, line);
+                }
+            }
+            Ok(())
+        })
     }
 
     /// Pixels that a part of a box may touch: (left, top, right, bottom), whole numbers at centres.
@@ -90,6 +156,10 @@ impl RasterHeight {
     }
 }
 
+fn is_of_nodes(grid: &SampleGrid) -> bool {
+    matches!(grid, SampleGrid::Lattice(window) if window.registration == Registration::Node)
+}
+
 /// The extent that a field tells.
 pub fn field_extent(placement: &Placement) -> FieldExtent {
     let crs = placement.crs();
@@ -108,27 +178,27 @@ impl HeightField for RasterHeight {
         &self.extent
     }
 
+    /// Fills `out` with heights, bilinear in the full image, as long as that is not too large: then a
+    /// parent's node is its child's. It holds on every level of a raster of up to 256 megapixels, and of
+    /// every raster without overviews; of larger ones with overviews down from the level on which a tile's
+    /// window has 64 megapixels (coarser levels, and boxes, are bilinear in an overview, and are what that is).
     fn sample(&self, grid: &SampleGrid, out: &mut [f32]) -> Result<(), SourceError> {
         let projector = Projector::new(&self.placement, grid);
-        let view = self.view(&projector, grid);
-        let width = grid.size().0 as usize;
-        view.visit(&projector, grid.size(), &mut |block| {
-            let window = if block.is_outside() {
-                Vec::new()
-            } else {
-                view.fetch(block, |image, rect| image.read_values(0, rect, &self.rule))?
+        let image = self.image(&projector, grid);
+        if let SampleGrid::Lattice(window) = grid
+            && let Some(finest) = self.finest_kept_level()
+            && is_of_nodes(grid)
+            && image == 0
+            && window.level <= finest
+        {
+            let lattice = self.coarse.get_or_init(|| CoarseLattice::new(Registration::Node, finest));
+            let make = |window: &LatticeWindow, out: &mut [f32]| {
+                let grid = SampleGrid::Lattice(*window);
+                self.interpolate(&Projector::new(&self.placement, &grid), grid.size(), 0, out)
             };
-            for row in 0..block.size.1 {
-                let start = (block.origin.1 + row) as usize * width + block.origin.0 as usize;
-                let line = &mut out[start..start + block.size.0 as usize];
-                if block.is_outside() {
-                    line.fill(f32::NAN);
-                } else {
-                    sample_row(block, row, &window, line);
-                }
-            }
-            Ok(())
-        })
+            return lattice.fill(&self.placement, &self.raster.path, window, &make, out);
+        }
+        self.interpolate(&projector, grid.size(), image, out)
     }
 
     fn maxima(&self, bounds: &GeographicBox, columns: u32, rows: u32) -> Result<Vec<f32>, SourceError> {

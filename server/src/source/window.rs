@@ -2,7 +2,7 @@
 
 use super::SourceError;
 use super::geotiff::Raster;
-use super::geotiff::image::{Image, Rect};
+use super::geotiff::image::Rect;
 use super::placement::Placement;
 use super::projector::Projector;
 
@@ -41,29 +41,31 @@ impl Block<'_> {
 
 /// One image of a raster, seen by pixel coordinates of its own.
 pub struct View<'a> {
-    /// The open file.
-    pub raster: &'a Raster,
-    /// Its place.
-    pub placement: &'a Placement,
-    /// Index of the image: 0, or that of an overview.
-    pub index: usize,
+    /// Place of the full image.
+    placement: &'a Placement,
+    /// Columns and rows of the image.
+    size: (u32, u32),
+    /// Columns and rows that are read together.
+    chunk_size: (u32, u32),
 }
 
 impl<'a> View<'a> {
-    /// The image.
-    pub fn image(&self) -> &'a Image {
-        &self.raster.images[self.index]
+    /// Image `index` of a raster: 0, or that of an overview.
+    pub fn of(raster: &Raster, placement: &'a Placement, index: usize) -> Self {
+        let layout = &raster.images[index].layout;
+        let (size, chunk_size) = ((layout.width, layout.height), (layout.chunk_width, layout.chunk_height));
+        Self { placement, size, chunk_size }
     }
 
-    /// Columns and rows of the image.
-    pub fn size(&self) -> (u32, u32) {
-        (self.image().layout.width, self.image().layout.height)
+    /// Pixels that are all at hand.
+    pub fn of_placement(placement: &'a Placement) -> Self {
+        Self { placement, size: placement.size(), chunk_size: (1, 1) }
     }
 
     /// Pixels of this image in one of the full image, along rows and columns.
     fn scale(&self) -> (f64, f64) {
-        let (full, own) = (self.raster.size(), self.size());
-        (f64::from(own.0) / f64::from(full.0), f64::from(own.1) / f64::from(full.1))
+        let full = self.placement.size();
+        (f64::from(self.size.0) / f64::from(full.0), f64::from(self.size.1) / f64::from(full.1))
     }
 
     /// Calls `visit` with every block of the grid.
@@ -99,7 +101,7 @@ impl<'a> View<'a> {
     /// Full-image pixel coordinates to this image's; those outside the raster become NaN.
     fn to_own_pixels(&self, pixels: &mut [(f64, f64)]) {
         let (sx, sy) = self.scale();
-        let whole = self.index == 0;
+        let whole = self.size == self.placement.size();
         for pixel in pixels {
             if !self.placement.contains_pixel(pixel.0, pixel.1) {
                 *pixel = (f64::NAN, f64::NAN);
@@ -135,9 +137,8 @@ impl<'a> View<'a> {
             return visit(&block);
         }
         // Halve across whatever reaches over more chunks, so that few chunks are needed twice.
-        let layout = &self.image().layout;
-        let chunks_wide = wide as f64 / f64::from(layout.chunk_width);
-        let chunks_high = high as f64 / f64::from(layout.chunk_height);
+        let chunks_wide = wide as f64 / f64::from(self.chunk_size.0);
+        let chunks_high = high as f64 / f64::from(self.chunk_size.1);
         let split_columns = block.size.1 == 1 || block.size.0 > 1 && chunks_wide > chunks_high;
         let part = |x: u32, y: u32, width: u32, height: u32| Block {
             origin: (block.origin.0 + x, block.origin.1 + y),
@@ -170,9 +171,9 @@ impl<'a> View<'a> {
     pub fn fetch<T: Copy>(
         &self,
         block: &Block<'_>,
-        read: impl Fn(&Image, Rect) -> Result<Vec<T>, String>,
+        read: impl Fn(Rect) -> Result<Vec<T>, SourceError>,
     ) -> Result<Vec<T>, SourceError> {
-        let (width, height) = self.size();
+        let (width, height) = self.size;
         let (wide, high) = (block.window_size.0 as usize, block.window_size.1 as usize);
         let clamp = |value: i64, size: u32| value.clamp(0, i64::from(size) - 1);
         let (left, top) = block.window_origin;
@@ -183,16 +184,14 @@ impl<'a> View<'a> {
             width: (clamp(right, width) - clamp(left, width) + 1) as u32,
             height: (clamp(bottom, height) - clamp(top, height) + 1) as u32,
         };
-        let fail = |problem| self.raster.read_error(problem);
-        let core = read(self.image(), inner).map_err(fail)?;
+        let core = read(inner)?;
         if (inner.width as usize, inner.height as usize) == (wide, high) {
             return Ok(core);
         }
         let wraps = self.placement.wraps();
         // Columns beyond the edge of a raster that joins are its other edge's.
-        let far_column = |column: u32| -> Result<Vec<T>, SourceError> {
-            read(self.image(), Rect { x: column, width: 1, ..inner }).map_err(fail)
-        };
+        let far_column =
+            |column: u32| -> Result<Vec<T>, SourceError> { read(Rect { x: column, width: 1, ..inner }) };
         let west = if wraps && left < 0 { Some(far_column(width - 1)?) } else { None };
         let east = if wraps && right >= i64::from(width) { Some(far_column(0)?) } else { None };
         let mut out = Vec::with_capacity(wide * high);

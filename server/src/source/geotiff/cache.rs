@@ -1,8 +1,9 @@
-//! Decoded chunks of all rasters, bounded in bytes, least recently used first out, each decoded by
-//! one thread however many want it.
+//! Things that are dear to make, bounded in bytes, least recently used first out, each made by one
+//! thread however many want it. Decoded chunks of all rasters share one such cache.
 
 use super::chunk::Samples;
 use std::collections::{BTreeMap, HashMap};
+use std::hash::Hash;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 /// Bytes that all open rasters together keep decoded.
@@ -11,67 +12,85 @@ pub const CACHE_BYTES: usize = 256 << 20;
 /// Raster (by a number that no other open raster has), image within it, chunk within the image.
 pub type Key = (u64, u32, u32);
 
-type Slot = Arc<OnceLock<Result<Arc<Samples>, String>>>;
+/// Decoded chunks.
+pub type ChunkCache = MakerCache<Key, Samples, String>;
 
-/// The cache.
-#[derive(Default)]
-pub struct ChunkCache {
-    inner: Mutex<Inner>,
+/// What a cache can weigh.
+pub trait Weigh {
+    /// Bytes held.
+    fn bytes(&self) -> usize;
+}
+
+impl Weigh for Samples {
+    fn bytes(&self) -> usize {
+        Samples::bytes(self)
+    }
+}
+
+type Slot<V, E> = Arc<OnceLock<Result<Arc<V>, E>>>;
+
+/// The cache: values by key, errors told to all who wait.
+pub struct MakerCache<K, V, E> {
+    inner: Mutex<Inner<K, V, E>>,
     limit: usize,
 }
 
-#[derive(Default)]
-struct Inner {
-    slots: HashMap<Key, Held>,
+struct Inner<K, V, E> {
+    slots: HashMap<K, Held<V, E>>,
     /// Keys by when they were used last.
-    order: BTreeMap<u64, Key>,
+    order: BTreeMap<u64, K>,
     clock: u64,
     bytes: usize,
 }
 
-struct Held {
-    slot: Slot,
+struct Held<V, E> {
+    slot: Slot<V, E>,
     used: u64,
     bytes: usize,
 }
 
 impl ChunkCache {
-    /// A cache that holds up to `limit` bytes.
-    pub fn new(limit: usize) -> Self {
-        Self { inner: Mutex::default(), limit }
-    }
-
     /// The one that all rasters share.
     pub fn shared() -> &'static Arc<Self> {
         static SHARED: OnceLock<Arc<ChunkCache>> = OnceLock::new();
         SHARED.get_or_init(|| Arc::new(Self::new(CACHE_BYTES)))
     }
+}
 
-    /// The chunk, from the cache or from `decode`. A failure is told to all who wait, and is not
-    /// kept: the next one tries again.
+impl<K: Copy + Eq + Hash, V: Weigh, E: Clone> MakerCache<K, V, E> {
+    /// A cache that holds up to `limit` bytes.
+    pub fn new(limit: usize) -> Self {
+        let inner = Inner { slots: HashMap::new(), order: BTreeMap::new(), clock: 0, bytes: 0 };
+        Self { inner: Mutex::new(inner), limit }
+    }
+
+    /// The value, from the cache or from `make`. A failure is told to all who wait, and is not kept:
+    /// the next one tries again.
     ///
     /// # Errors
-    /// What `decode` says.
-    pub fn get(
-        &self,
-        key: Key,
-        decode: impl FnOnce() -> Result<Samples, String>,
-    ) -> Result<Arc<Samples>, String> {
+    /// What `make` says.
+    pub fn get(&self, key: K, make: impl FnOnce() -> Result<V, E>) -> Result<Arc<V>, E> {
         let slot = self.touch(key);
         let mut fresh = false;
         let result = slot
             .get_or_init(|| {
                 fresh = true;
-                decode().map(Arc::new)
+                make().map(Arc::new)
             })
             .clone();
         if fresh {
-            self.settle(key, &slot, result.as_ref().map_or(None, |samples| Some(samples.bytes())));
+            self.settle(key, &slot, result.as_ref().map_or(None, |value| Some(value.bytes())));
         }
         result
     }
 
-    fn touch(&self, key: Key) -> Slot {
+    /// Whether the value is there, made; not a use of it.
+    pub fn holds(&self, key: &K) -> bool {
+        let inner = self.inner.lock().unwrap_or_else(PoisonError::into_inner);
+        inner.slots.get(key).is_some_and(|held| held.slot.get().is_some())
+    }
+
+    fn touch(&self, key: K) -> Slot<V, E> {
         // A panic elsewhere leaves the map whole: every change below is finished before anything can fail.
         let mut inner = self.inner.lock().unwrap_or_else(PoisonError::into_inner);
         inner.clock += 1;
@@ -85,7 +104,7 @@ impl ChunkCache {
         slot
     }
 
-    fn settle(&self, key: Key, slot: &Slot, bytes: Option<usize>) {
+    fn settle(&self, key: K, slot: &Slot<V, E>, bytes: Option<usize>) {
         let mut inner = self.inner.lock().unwrap_or_else(PoisonError::into_inner);
         let Some(held) = inner.slots.get_mut(&key).filter(|held| Arc::ptr_eq(&held.slot, slot)) else {
             return;
@@ -133,7 +152,9 @@ mod tests {
             get(index);
         }
         get(0);
+        assert!(cache.holds(&(0, 0, 1)));
         get(3);
+        assert!(!cache.holds(&(0, 0, 1)));
         assert_eq!(cache.bytes(), 30);
         assert_eq!(made.load(Ordering::Relaxed), 4);
         get(0);

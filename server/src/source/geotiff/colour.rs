@@ -177,6 +177,13 @@ impl ColourRule {
                 let grey = if *inverted { 255 - samples[0] } else { samples[0] };
                 finish([grey; 3], &samples[..1], samples)
             }),
+            Bands::Rgb if self.alpha.is_none() && nodata == 256 => {
+                image.read_bytes_as(rect, |samples| [samples[0], samples[1], samples[2], 255])
+            }
+            Bands::YCbCr if self.alpha.is_none() && nodata == 256 => image.read_bytes_as(rect, |samples| {
+                let [r, g, b] = rgb_from_ycbcr([samples[0], samples[1], samples[2]]);
+                [r, g, b, 255]
+            }),
             Bands::Rgb => image.read_bytes_as(rect, |samples| {
                 finish([samples[0], samples[1], samples[2]], &samples[..3], samples)
             }),
@@ -247,11 +254,13 @@ fn with_alpha([r, g, b]: [u8; 3], alpha: u8, associated: bool) -> [u8; 4] {
     [part(r), part(g), part(b), alpha]
 }
 
-/// Full-range BT.601, as JPEG and TIFF's default coefficients have it.
+/// Full-range BT.601, as JPEG and TIFF's default coefficients have it; in 65536ths, as the common JPEG
+/// libraries do.
+#[inline(always)]
 fn rgb_from_ycbcr([y, cb, cr]: [u8; 3]) -> [u8; 3] {
-    let (y, cb, cr) = (f32::from(y), f32::from(cb) - 128.0, f32::from(cr) - 128.0);
-    [y + 1.402 * cr, y - 0.344_136 * cb - 0.714_136 * cr, y + 1.772 * cb]
-        .map(|value| value.round().clamp(0.0, 255.0) as u8)
+    let (y, cb, cr) = (i32::from(y), i32::from(cb) - 128, i32::from(cr) - 128);
+    let add = |part: i32| (y + ((part + 0x8000) >> 16)).clamp(0, 255) as u8;
+    [add(91_881 * cr), add(-22_554 * cb - 46_802 * cr), add(116_130 * cb)]
 }
 
 #[cfg(test)]

@@ -7,8 +7,10 @@
 
 use super::geography::{BOUNDS, Places, east_from_longitude, north_from_latitude};
 use super::ground::{Ground, Landscape, Survey};
+use super::material::for_each_place;
 use super::palette;
 use super::settle::{self, Colour, MARGIN, mean};
+use crate::source::wide::wide;
 use crate::source::{ColourField, FieldExtent, SampleGrid, SourceError};
 use rayon::prelude::*;
 use std::sync::LazyLock;
@@ -114,6 +116,14 @@ impl Pyramid {
     }
 }
 
+/// Colours along a row.
+#[inline(always)]
+fn paint_row(ground: &[Ground], footprint: f32, line: &mut [Colour]) {
+    for_each_place(ground, footprint, |k, ground, here| {
+        line[k] = palette::colour(ground, here, footprint);
+    });
+}
+
 /// Colours texels of a window inside the extent from the fields.
 fn paint(land: &Landscape, level: u8, window: Window, out: &mut [Colour]) {
     let lattice = LatticeWindow {
@@ -131,9 +141,7 @@ fn paint(land: &Landscape, level: u8, window: Window, out: &mut [Colour]) {
     let mut ground = vec![Ground::default(); window.width];
     for (j, line) in out.chunks_exact_mut(window.width).enumerate() {
         survey.row(north_from_latitude(lattice.latitude(window.row + j as i64)), &mut ground);
-        for (out, ground) in line.iter_mut().zip(&ground) {
-            *out = palette::colour(ground, footprint);
-        }
+        wide!(paint_row(ground: &[Ground] = &ground, footprint: f32 = footprint, line: &mut [Colour] = line));
     }
 }
 

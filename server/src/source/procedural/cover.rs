@@ -2,7 +2,8 @@
 
 use super::geography::{BOUNDS, Places};
 use super::ground::{Ground, Landscape, Survey};
-use super::material::materials;
+use super::material::{Materials, for_each_place};
+use crate::source::wide::wide;
 use crate::source::{Cover, CoverField, FieldExtent, SampleGrid, SourceError};
 use std::sync::LazyLock;
 use treeline_core::layer::SurfaceType;
@@ -44,17 +45,21 @@ impl CoverField for ProceduralCover {
         for (&j, &y) in places.rows.iter().zip(&places.y) {
             survey.row(y, &mut row);
             let line = &mut out[j * places.width..(j + 1) * places.width];
-            for (&i, ground) in places.columns.iter().zip(&row) {
-                line[i] = cover(ground);
-            }
+            wide!(covers(row: &[Ground] = &row, columns: &[usize] = &places.columns, line: &mut [Cover] = line));
         }
         Ok(())
     }
 }
 
+/// Cover along a row, whose samples stand at `columns` of the line.
+#[inline(always)]
+fn covers(row: &[Ground], columns: &[usize], line: &mut [Cover]) {
+    for_each_place(row, 0.0, |k, ground, here| line[columns[k]] = cover(ground, here));
+}
+
 /// Cover at a place.
-fn cover(ground: &Ground) -> Cover {
-    let here = materials(ground, 0.0);
+#[inline(always)]
+fn cover(ground: &Ground, here: &Materials) -> Cover {
     let bare = here.debris.max(here.rock);
     let surface = if here.water > 0.5 {
         SurfaceType::Water

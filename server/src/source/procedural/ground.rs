@@ -10,6 +10,7 @@ use super::massif::{CELL, Massif, ORIGIN, SIDE};
 use super::noise_tile::{Layout, Noise, NoiseTile, spline_slopes, spline_weights};
 use super::random::{mix, smoothstep};
 use super::river::NearRiver;
+use crate::source::wide::wide;
 
 /// Seed of the whole landscape.
 const SEED: u32 = 0x7ee1_1e05;
@@ -123,6 +124,8 @@ struct Shape {
     rib: Vec<f32>,
     /// How strongly gullies cut, 0…1; 0 in the padding.
     strength: Vec<f32>,
+    /// What roughness adds, metres.
+    rough: Vec<f32>,
 }
 
 /// Evaluates rows of the ground over fixed columns.
@@ -139,8 +142,12 @@ pub(super) struct Survey<'a> {
     gullies: [[Vec<u32>; 2]; 3],
     /// The broad shape and gullies of the current row, padded to whole lanes.
     shape: Shape,
-    /// Noise of the current row.
+    /// Noise of the current row, padded to whole lanes.
+    fine: Vec<Noise>,
+    /// See `fine`.
     middle: Vec<Noise>,
+    /// See `fine`; zero where it was not asked for.
+    broad: Vec<Noise>,
     /// Vertical sums over the span: height, slope northward, stream, hollow, lake.
     lines: [Vec<f32>; 5],
 }
@@ -179,8 +186,17 @@ impl<'a> Survey<'a> {
         Self {
             land,
             gullies,
-            shape: Shape { relief: line(), dx: line(), dy: line(), rib: line(), strength: line() },
-            middle: vec![Noise::default(); columns.len()],
+            shape: Shape {
+                relief: line(),
+                dx: line(),
+                dy: line(),
+                rib: line(),
+                strength: line(),
+                rough: line(),
+            },
+            fine: vec![Noise::default(); padded],
+            middle: vec![Noise::default(); padded],
+            broad: vec![Noise::default(); padded],
             columns,
             span: (first, last),
             shares: OCTAVES.map(|o| 1.0 - smoothstep(0.25 * o.wavelength, 0.6 * o.wavelength, footprint)),
@@ -197,11 +213,24 @@ impl<'a> Survey<'a> {
 
     /// Fills `out` (one a column) with the ground along the parallel at `y` (metres north).
     pub(super) fn row(&mut self, y: f64, out: &mut [Ground]) {
+        wide!(row_of(survey: &mut Survey<'_> = self, y: f64 = y, out: &mut [Ground] = out));
+    }
+}
+
+#[inline(always)]
+fn row_of(survey: &mut Survey<'_>, y: f64, out: &mut [Ground]) {
+    survey.fill_row(y, out);
+}
+
+impl<'a> Survey<'a> {
+    #[inline(always)]
+    fn fill_row(&mut self, y: f64, out: &mut [Ground]) {
         let (row, fraction) = cell_of(y);
         self.vertical_sums(row, fraction);
-        self.broad_shape(y);
+        self.look_up_noise(y);
+        self.broad_shape();
         self.cut_gullies(y);
-        let (fine, broad) = (FINE.of_y(y), BROAD.of_y(y));
+        self.roughen();
         let massif = &self.land.massif;
         let y = y as f32;
         for (k, (column, out)) in self.columns.iter().zip(out.iter_mut()).enumerate() {
@@ -216,15 +245,12 @@ impl<'a> Survey<'a> {
                 above_stream: linear(&self.lines[2]),
                 hollow: linear(&self.lines[3]),
                 above_lake: f32::MAX,
-                fine: self.land.noise.at(self.mips[0], sum(column.fine, fine)),
+                fine: self.fine[k],
                 middle: self.middle[k],
+                broad: self.broad[k],
                 ..Ground::default()
             };
-            if self.with_broad {
-                ground.broad = self.land.noise.at(self.mips[2], sum(column.broad, broad));
-            }
-            let relief = self.shape.relief[k];
-            let mut height = relief + roughness(relief, &ground);
+            let mut height = self.shape.relief[k] + self.shape.rough[k];
             let cell = row * SIDE + column.cell;
             if massif.rivers.touches(cell) {
                 ground.river = massif.rivers.near(cell, column.x, y);
@@ -241,33 +267,77 @@ impl<'a> Survey<'a> {
         }
     }
 
-    /// The spline's height and slope, and how strongly gullies cut, along the parallel at `y`.
-    fn broad_shape(&mut self, y: f64) {
-        let middle = MIDDLE.of_y(y);
+    /// Reads the noise along the parallel at `y`: nothing else beside it, so that the processor waits for many
+    /// places of the tables at once.
+    #[inline(always)]
+    fn look_up_noise(&mut self, y: f64) {
+        let noise = &self.land.noise;
+        let [fine_mip, middle_mip, broad_mip] = self.mips;
+        let (fine, middle, broad) = (FINE.of_y(y), MIDDLE.of_y(y), BROAD.of_y(y));
+        for (out, column) in self.fine.iter_mut().zip(&self.columns) {
+            *out = noise.at(fine_mip, sum(column.fine, fine));
+        }
+        for (out, column) in self.middle.iter_mut().zip(&self.columns) {
+            *out = noise.at(middle_mip, sum(column.middle, middle));
+        }
+        if self.with_broad {
+            for (out, column) in self.broad.iter_mut().zip(&self.columns) {
+                *out = noise.at(broad_mip, sum(column.broad, broad));
+            }
+        }
+    }
+
+    /// The spline's height and slope, and how strongly gullies cut, along the current parallel.
+    #[inline(always)]
+    fn broad_shape(&mut self) {
+        let shape = &mut self.shape;
         for (k, column) in self.columns.iter().enumerate() {
             let at = column.cell - self.span.0;
             let spline = |line: &[f32], w: &[f32; 4]| {
                 let p = &line[at - 1..at + 3];
                 w[0] * p[0] + w[1] * p[1] + w[2] * p[2] + w[3] * p[3]
             };
-            let base = spline(&self.lines[0], &column.weights);
-            let dx = spline(&self.lines[0], &column.slopes);
-            let dy = spline(&self.lines[1], &column.weights);
-            let noise = self.land.noise.at(self.mips[1], sum(column.middle, middle));
-            self.middle[k] = noise;
+            shape.relief[k] = spline(&self.lines[0], &column.weights);
+            shape.dx[k] = spline(&self.lines[0], &column.slopes);
+            shape.dy[k] = spline(&self.lines[1], &column.weights);
+            shape.rib[k] = 0.0;
+        }
+        for k in (0..self.columns.len()).step_by(LANES) {
+            let (base, dx) = (Lanes::from(&shape.relief[k..]), Lanes::from(&shape.dx[k..]));
+            let dy = Lanes::from(&shape.dy[k..]);
+            let [soft, _, other, _] = transposed(&self.middle[k..]);
             let steep = (dx * dx + dy * dy).sqrt();
-            let alpine = smoothstep(1500.0, 2500.0, base);
+            let alpine = base.smoothstep(1500.0, 2500.0);
             // Some faces are furrowed deeply, others hardly.
-            let furrowed = 0.7 + 0.3 * (noise.other + noise.soft).clamp(-1.0, 1.0);
-            self.shape.strength[k] = smoothstep(0.16, 0.8, steep) * (0.5 + 0.5 * alpine) * furrowed;
-            self.shape.relief[k] = base;
-            self.shape.dx[k] = dx;
-            self.shape.dy[k] = dy;
-            self.shape.rib[k] = 0.0;
+            let furrowed = (other + soft).clamp(-1.0, 1.0) * 0.3 + 0.7;
+            (steep.smoothstep(0.16, 0.8) * (alpine * 0.5 + 0.5) * furrowed).store(&mut shape.strength[k..]);
         }
     }
 
-    /// Adds the gullies along the parallel at `y`, four samples at a time.
+    /// What roughness adds to the height: ledges and blocks on rock, hummocks on grass, next to nothing on
+    /// valley floors and on snow.
+    #[inline(always)]
+    fn roughen(&mut self) {
+        let shape = &mut self.shape;
+        for k in (0..self.columns.len()).step_by(LANES) {
+            let (relief, dx) = (Lanes::from(&shape.relief[k..]), Lanes::from(&shape.dx[k..]));
+            let dy = Lanes::from(&shape.dy[k..]);
+            let [middle_soft, middle_creased, _, _] = transposed(&self.middle[k..]);
+            let [fine_soft, fine_creased, _, fine_domes] = transposed(&self.fine[k..]);
+            let steep = (dx * dx + dy * dy).sqrt();
+            let rock = steep.smoothstep(0.5, 1.05);
+            let snow = relief.smoothstep(2800.0, 3050.0) * rock.complement();
+            let calm = steep.smoothstep(0.03, 0.22);
+            let ledges = middle_creased * 6.5 + fine_creased * 1.7 + fine_soft * 0.5;
+            let blocks = relief.smoothstep(1900.0, 2400.0) * 0.55 * (fine_domes + -0.4);
+            let hummocks = (middle_soft * 1.9 + fine_soft * 0.38) * calm.mix(0.12, 1.0) + blocks * calm;
+            let rough = rock * ledges + rock.complement() * (snow * -0.85 + 1.0) * hummocks;
+            rough.store(&mut shape.rough[k..]);
+        }
+    }
+
+    /// Adds the gullies along the parallel at `y`, some samples at a time.
+    #[inline(always)]
     fn cut_gullies(&mut self, y: f64) {
         const RIB_WEIGHTS: [f32; 3] = [0.5, 0.3, 0.2];
         let shape = &mut self.shape;
@@ -299,6 +369,7 @@ impl<'a> Survey<'a> {
     }
 
     /// Sums the grid's rows for one parallel.
+    #[inline(always)]
     fn vertical_sums(&mut self, row: usize, fraction: f32) {
         let massif = &self.land.massif;
         let (first, last) = self.span;
@@ -329,19 +400,11 @@ fn sum(column: [u32; 2], row: [u32; 2]) -> [u32; 2] {
     [column[0].wrapping_add(row[0]), column[1].wrapping_add(row[1])]
 }
 
-/// Height that roughness adds, metres: ledges and blocks on rock, hummocks on grass, next to nothing
-/// on valley floors and on snow.
+/// The noise of a lane's places by kind, in the order of [`Noise`].
 #[inline(always)]
-fn roughness(relief: f32, ground: &Ground) -> f32 {
-    let steep = (ground.dx * ground.dx + ground.dy * ground.dy).sqrt();
-    let rock = smoothstep(0.5, 1.05, steep);
-    let snow = smoothstep(2800.0, 3050.0, relief) * (1.0 - rock);
-    let calm = smoothstep(0.03, 0.22, steep);
-    let (fine, middle) = (&ground.fine, &ground.middle);
-    let ledges = 6.5 * middle.creased + 1.7 * fine.creased + 0.5 * fine.soft;
-    let blocks = smoothstep(1900.0, 2400.0, relief) * 0.55 * (fine.domes - 0.4);
-    let hummocks = (1.9 * middle.soft + 0.38 * fine.soft) * mix(0.12, 1.0, calm) + blocks * calm;
-    rock * ledges + (1.0 - rock) * (1.0 - 0.85 * snow) * hummocks
+fn transposed(noise: &[Noise]) -> [Lanes; 4] {
+    let of = |value: fn(&Noise) -> f32| Lanes(std::array::from_fn(|k| value(&noise[k])));
+    [of(|n| n.soft), of(|n| n.creased), of(|n| n.other), of(|n| n.domes)]
 }
 
 /// The ground beside a river: level with the water in its bed, and at its own height 90 m away.

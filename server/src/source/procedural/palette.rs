@@ -1,7 +1,7 @@
 //! The photo's colour of a place: sRGB values 0…255 as an aerial camera on a clear summer noon gives.
 
 use super::ground::Ground;
-use super::material::materials;
+use super::material::Materials;
 use super::random::{hash, mix, signed, smoothstep, unit};
 
 type Colour = [f32; 3];
@@ -40,8 +40,7 @@ fn scaled(a: Colour, factor: f32) -> Colour {
 
 /// The colour of a place over a footprint (metres).
 #[inline(always)]
-pub(super) fn colour(ground: &Ground, footprint: f32) -> Colour {
-    let here = materials(ground, footprint);
+pub(super) fn colour(ground: &Ground, here: &Materials, footprint: f32) -> Colour {
     let (broad, middle, fine) = (&ground.broad, &ground.middle, &ground.fine);
     let z = ground.height;
 

@@ -58,3 +58,43 @@ fn windows_once_their_chunks_are_decoded() {
         }
     }
 }
+
+/// The files that TREELINE_COST_PHOTO and TREELINE_COST_DEM name, level by level from the coarsest, cold as a
+/// client asks for them, then again.
+#[test]
+#[ignore = "measures time, checks nothing"]
+fn a_large_file_from_the_coarsest_level_down() {
+    let tile_at = |bounds: &tile::GeographicBox, level| {
+        let (longitude, latitude) = bounds.centre();
+        TileAddress::at(level, longitude, latitude)
+    };
+    let once = |work: &mut dyn FnMut()| {
+        let start = Instant::now();
+        work();
+        start.elapsed().as_secs_f64() * 1e3
+    };
+    if let Some(path) = std::env::var_os("TREELINE_COST_PHOTO") {
+        let field = open_colour(path.as_ref(), &SourceOptions::default()).unwrap();
+        let own = tile::level_for_cell_metres(field.extent().resolution_metres);
+        for level in (own - 8..=own + 1).chain([own - 1, own - 2]) {
+            let tile = tile_at(&field.extent().bounds, level);
+            let window = LatticeWindow::of_tile(tile, Registration::Cell, 4);
+            let mut colours = vec![[0; 4]; window.len()];
+            let mut sample = || field.sample(&SampleGrid::Lattice(window), &mut colours).unwrap();
+            let (cold, warm) = (once(&mut sample), once(&mut sample));
+            println!("photo, own level {own:+}, level {level}: {cold:.1} ms, again {warm:.1} ms");
+        }
+    }
+    if let Some(path) = std::env::var_os("TREELINE_COST_DEM") {
+        let field = open_height(path.as_ref(), &HeightOptions::default()).unwrap();
+        let own = tile::level_for_cell_metres(field.extent().resolution_metres);
+        for level in own - 8..=own + 1 {
+            let tile = tile_at(&field.extent().bounds, level);
+            let window = LatticeWindow::of_tile(tile, Registration::Node, 1);
+            let mut heights = vec![0.0; window.len()];
+            let mut sample = || field.sample(&SampleGrid::Lattice(window), &mut heights).unwrap();
+            let (cold, warm) = (once(&mut sample), once(&mut sample));
+            println!("heights, own level {own}, level {level}: {cold:.1} ms, again {warm:.1} ms");
+        }
+    }
+}
