@@ -70,8 +70,6 @@ pub enum Payload {
         width: u32,
         /// Rows.
         height: u32,
-        /// Bytes that came over the network.
-        bytes: u64,
         /// The picture.
         pixels: PhotoPixels,
     },
@@ -357,12 +355,23 @@ impl Engine {
         }
     }
 
-    fn decode(&mut self, key: TileKey, payload: Payload) -> Result<Arrived, FetchFailure> {
-        let received = match &payload {
-            Payload::Bytes(bytes) => bytes.len() as u64,
-            Payload::Photo { bytes, .. } => *bytes,
-        };
-        *self.bytes.entry(key.layer.name()).or_default() += received;
+    /// Counts what an answer was on the wire: the engine sees bodies only after the platform has undone
+    /// their compression, so the host says it ([`Stats::bytes`] says what counts).
+    pub fn count_wire_bytes(&mut self, layer: Layer, bytes: u64) {
+        *self.bytes.entry(layer.name()).or_default() += bytes;
+    }
+
+    /// The way to the server is open again: what failed on it is asked for at once.
+    pub fn retry_failed(&mut self, now: f64) {
+        self.stream.requests().retry_now(now);
+    }
+
+    /// Whether all that there is has come and holds nothing: there is no terrain to show.
+    pub fn is_empty(&self) -> bool {
+        self.stream.is_empty()
+    }
+
+    fn decode(&self, key: TileKey, payload: Payload) -> Result<Arrived, FetchFailure> {
         match payload {
             Payload::Bytes(bytes) if key.layer.is_elevation() => {
                 Ok(Arrived::Elevation(key, decode::elevation(&bytes, key.address)?))

@@ -10,9 +10,11 @@ pub mod frame;
 pub mod gpu;
 #[cfg(feature = "headless")]
 pub mod headless;
+pub mod outage;
 pub mod passes;
 pub mod stats;
 pub mod stream;
 mod twin_world;
 #[cfg(target_arch = "wasm32")]
 pub mod web;
+pub mod wire_bytes;

@@ -14,7 +14,14 @@ pub struct Stats {
     pub pipelines: Vec<&'static str>,
     /// Tiles received, by layer.
     pub tiles: BTreeMap<&'static str, u64>,
-    /// Bytes received (as they came to the engine, decompressed), by layer.
+    /// Bytes of the tiles received, by layer, as they crossed the network: the answers' bodies with their
+    /// Content-Encoding still on.
+    ///
+    /// Not counted are heads, answers other than good ones, what came of a body that was torn or given up,
+    /// and what a cache on this machine gave. In one process with the server: what it would have sent.
+    /// In the browser they are Resource Timing's `encodedBodySize`; where that is hidden (a server of another
+    /// origin without `Timing-Allow-Origin`), Content-Length; where there is neither, the
+    /// decompressed length, which is a bound from above.
     pub bytes: BTreeMap<&'static str, u64>,
     /// Tiles that stand in slots now, by layer.
     pub resident: BTreeMap<&'static str, usize>,
@@ -24,6 +31,24 @@ pub struct Stats {
     pub frames: u64,
     /// Whether slots ran out before every tile was as fine as the view allows.
     pub limited: bool,
+}
+
+impl Stats {
+    /// Adds what an earlier engine counted for the same host: since the host began, then.
+    pub fn add_earlier(&mut self, earlier: &Self) {
+        for (sum, part) in [(&mut self.tiles, &earlier.tiles), (&mut self.bytes, &earlier.bytes)] {
+            for (&layer, count) in part {
+                *sum.entry(layer).or_default() += count;
+            }
+        }
+        let requests = &mut self.requests;
+        requests.started += earlier.requests.started;
+        requests.succeeded += earlier.requests.succeeded;
+        requests.failed += earlier.requests.failed;
+        // What was under way came to nothing.
+        requests.cancelled += earlier.requests.cancelled + earlier.requests.in_flight as u64;
+        self.frames += earlier.frames;
+    }
 }
 
 /// Requests since the engine was made.
@@ -39,4 +64,32 @@ pub struct RequestStats {
     pub cancelled: u64,
     /// Under way now.
     pub in_flight: usize,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_earlier_engines_did_counts_too() {
+        let count = |tiles: u64, in_flight| Stats {
+            tiles: [("texture", tiles)].into(),
+            bytes: [("texture", 1_000 * tiles)].into(),
+            resident: [("texture", 1)].into(),
+            requests: RequestStats {
+                started: tiles + in_flight as u64,
+                succeeded: tiles,
+                in_flight,
+                ..Default::default()
+            },
+            frames: 2,
+            ..Stats::default()
+        };
+        let mut now = count(5, 1);
+        now.add_earlier(&count(3, 2));
+        assert_eq!((now.tiles["texture"], now.bytes["texture"], now.frames), (8, 8_000, 4));
+        assert_eq!(now.resident["texture"], 1, "slots of an engine that is gone are gone");
+        let RequestStats { started, succeeded, failed, cancelled, in_flight } = now.requests;
+        assert_eq!(started, succeeded + failed + cancelled + in_flight as u64);
+    }
 }

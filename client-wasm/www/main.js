@@ -1,6 +1,6 @@
 // The page around the picture: says what is wrong where something is, shows progress, panel and
 // attribution, and gives embedders `window.treeline`. Everything that moves or draws is in wasm.
-import { show, Panel } from "./panel.js";
+import { notice, show, Panel } from "./panel.js";
 
 const element = (id) => document.getElementById(id);
 const canvas = element("view");
@@ -25,7 +25,7 @@ function progress(resident, wanted) {
 /** What the engine reports while it runs. */
 function report(kind, ...details) {
   if (kind === "progress") progress(...details);
-  else if (kind === "notice") element("notice").textContent = details[0];
+  else if (kind === "notice") notice(...details);
   else show(kind, details[0]);
 }
 

@@ -21,7 +21,7 @@ const MESSAGES = {
   },
   "device-lost": {
     title: "The graphics device was lost",
-    text: "It was opened a second time and lost again.",
+    text: "It was opened again, and lost again.",
     mend: () => "Another program may use up the graphics memory, or the driver may have been restarted.",
     again: true,
   },
@@ -33,8 +33,8 @@ const MESSAGES = {
   },
   "empty-scene": {
     title: "There is no landscape here",
-    text: "The server has no terrain to show.",
-    mend: () => "Give it a terrain model: treeline serve --dem terrain.tif, or start it without arguments for the built-in landscape.",
+    text: "The server answers, but its terrain model has nothing to show.",
+    mend: () => "treeline check --dem terrain.tif says what is in the file; --nodata NUMBER says which value stands for no data where the file declares the wrong one.",
     again: true,
   },
   "failed": { title: "Something went wrong", text: "The map could not be started.", mend: () => "", again: true },
@@ -53,6 +53,32 @@ export function show(kind, detail = "") {
   button.hidden = !again;
   button.onclick = () => location.reload();
   message.hidden = false;
+}
+
+/** How long a passing line stays, milliseconds: long enough to be read twice. */
+const PASSING = 12000;
+
+/** Puts a line over the picture, one for each thing it may be about; an empty text takes it away. */
+export function notice(about, text, passing) {
+  const list = element("notice");
+  let line = list.querySelector(`[data-about="${about}"]`);
+  if (!text) return line?.remove();
+  if (!line) {
+    line = document.createElement("p");
+    line.dataset.about = about;
+    list.append(line);
+  }
+  line.textContent = text;
+  line.classList.toggle("lasting", !passing);
+  if (!passing) return;
+  const close = document.createElement("button");
+  close.type = "button";
+  close.textContent = "×";
+  close.setAttribute("aria-label", "Close");
+  close.onclick = () => line.remove();
+  line.append(close);
+  clearTimeout(line.timer);
+  line.timer = setTimeout(() => line.remove(), PASSING);
 }
 
 /** Numbers as people read them. */
@@ -125,7 +151,7 @@ export class Panel {
       ["Picture", `${stats.page.width} × ${stats.page.height}`],
       ["Frame", `${stats.page.frame_milliseconds.toFixed(0)} ms`],
       ["Frames drawn", stats.page.frames_drawn],
-      ["Requests", stats.requests.started],
+      ["Requests", stats.requests.failed ? `${stats.requests.started}, ${stats.requests.failed} failed` : stats.requests.started],
       ["Loaded", bytes(sum(stats.bytes))],
     ];
     for (const [layer, count] of Object.entries(stats.tiles ?? {})) rows.push([`Tiles: ${layer}`, count]);

@@ -90,6 +90,7 @@ async fn wrong_addresses_and_formats() {
         assert!(answer.text().contains(named), "{uri}: {}", answer.text());
         assert_eq!(answer.text().lines().count(), 1, "{uri}");
         assert_eq!(answer.header("access-control-allow-origin"), "*");
+        assert_eq!(answer.header("timing-allow-origin"), "*");
     }
     let request = Request::get("/tiles/elevation/WebMercatorQuad/0/0/0")
         .header("accept", "video/mp4")

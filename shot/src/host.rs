@@ -4,17 +4,22 @@ use crate::arguments::Arguments;
 use crate::error::ShotError;
 use axum::Router;
 use axum::body::Body;
+use axum::http::HeaderMap;
+use axum::http::header::{ACCEPT_ENCODING, CONTENT_ENCODING};
+use std::io::Read as _;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::runtime::Runtime;
 use tower::ServiceExt as _;
-use treeline_client::headless::TileFetcher;
+use treeline_client::headless::{Fetched, TileFetcher};
 use treeline_client::stream::requests::FetchFailure;
 use treeline_core::scene::SceneDescription;
 use treeline_server::config::Config;
 use treeline_server::state::App;
 use treeline_server::{http, opening};
 
+/// The Content-Encoding that is asked for: quick to undo, and every Treeline server has it.
+const ENCODING: &str = "zstd";
 /// Larger than any tile or scene description.
 const BODY_LIMIT: usize = 64 << 20;
 /// A server that takes longer than this for a tile is not waited for.
@@ -81,15 +86,27 @@ impl Host {
             )),
             Self::InProcess { .. } => ShotError::failure(format!("/scene.json: {problem}")),
         };
-        let bytes = self.fetch("/scene.json").map_err(|failure| about(failure.to_string()))?;
-        serde_json::from_slice(&bytes).map_err(|error| about(format!("no scene description ({error})")))
+        let fetched = self.fetch("/scene.json").map_err(|failure| about(failure.to_string()))?;
+        serde_json::from_slice(&fetched.body)
+            .map_err(|error| about(format!("no scene description ({error})")))
     }
 }
 
-/// Status and body as an answer.
-fn answer(status: u16, body: Vec<u8>) -> Result<Vec<u8>, FetchFailure> {
+/// An answer of any status, as it came.
+struct Answer {
+    status: u16,
+    /// Content-Encoding, where there is one.
+    encoding: Option<String>,
+    /// Still encoded.
+    body: Vec<u8>,
+}
+
+/// An answer as a tile, a refusal or a pause.
+fn fetched(Answer { status, encoding, body }: Answer) -> Result<Fetched, FetchFailure> {
+    let wire_bytes = body.len() as u64;
+    let body = decoded(encoding.as_deref(), body)?;
     if (200..300).contains(&status) {
-        return Ok(body);
+        return Ok(Fetched { body, wire_bytes });
     }
     // A service exception is XML: what it says is between the tags.
     let text = String::from_utf8_lossy(&body[..body.len().min(2_000)]).into_owned();
@@ -103,12 +120,39 @@ fn answer(status: u16, body: Vec<u8>) -> Result<Vec<u8>, FetchFailure> {
     }
 }
 
+fn encoding_of(headers: &HeaderMap) -> Option<String> {
+    headers.get(CONTENT_ENCODING).and_then(|value| value.to_str().ok()).map(str::to_ascii_lowercase)
+}
+
+/// Undoes a Content-Encoding.
+fn decoded(encoding: Option<&str>, body: Vec<u8>) -> Result<Vec<u8>, FetchFailure> {
+    match encoding {
+        None | Some("identity") => Ok(body),
+        Some(ENCODING) => {
+            let mut plain = Vec::new();
+            let limit = BODY_LIMIT as u64 + 1;
+            zstd::Decoder::new(&body[..])
+                .and_then(|decoder| decoder.take(limit).read_to_end(&mut plain))
+                .map_err(|error| FetchFailure::Temporary(format!("a torn {ENCODING} body: {error}")))?;
+            if plain.len() > BODY_LIMIT {
+                let line = format!("a body of more than {BODY_LIMIT} bytes");
+                return Err(FetchFailure::Permanent(line));
+            }
+            Ok(plain)
+        }
+        Some(other) => {
+            Err(FetchFailure::Permanent(format!("Content-Encoding {other} where {ENCODING} was asked for")))
+        }
+    }
+}
+
 impl TileFetcher for Host {
-    fn fetch(&self, url: &str) -> Result<Vec<u8>, FetchFailure> {
+    fn fetch(&self, url: &str) -> Result<Fetched, FetchFailure> {
         let temporary = |error: &dyn std::fmt::Display| FetchFailure::Temporary(error.to_string());
         match self {
             Self::InProcess { runtime, router } => {
                 let request = axum::http::Request::get(url)
+                    .header(ACCEPT_ENCODING, ENCODING)
                     .body(Body::empty())
                     .map_err(|error| FetchFailure::Permanent(error.to_string()))?;
                 runtime.block_on(async {
@@ -117,22 +161,26 @@ impl TileFetcher for Host {
                         Err(never) => match never {},
                     };
                     let status = response.status().as_u16();
+                    let encoding = encoding_of(response.headers());
                     let body = axum::body::to_bytes(response.into_body(), BODY_LIMIT)
                         .await
                         .map_err(|error| temporary(&error))?;
-                    answer(status, body.into())
+                    fetched(Answer { status, encoding, body: body.into() })
                 })
             }
             Self::Remote { agent, base } => {
                 let url = if url.starts_with('/') { format!("{base}{url}") } else { url.to_owned() };
-                let mut response = agent.get(&url).call().map_err(|error| temporary(&error))?;
+                // Asked for by hand, it is handed on as it came: its length on the wire is counted.
+                let asked = agent.get(&url).header(ACCEPT_ENCODING, ENCODING);
+                let mut response = asked.call().map_err(|error| temporary(&error))?;
+                let encoding = encoding_of(response.headers());
                 let body = response
                     .body_mut()
                     .with_config()
                     .limit(BODY_LIMIT as u64)
                     .read_to_vec()
                     .map_err(|error| temporary(&error))?;
-                answer(response.status().as_u16(), body)
+                fetched(Answer { status: response.status().as_u16(), encoding, body })
             }
         }
     }
@@ -144,10 +192,27 @@ mod tests {
 
     #[test]
     fn an_answer_is_a_tile_a_refusal_or_a_pause() {
-        assert_eq!(answer(200, vec![1]), Ok(vec![1]));
+        let answer = |status, body| fetched(Answer { status, encoding: None, body });
+        assert_eq!(answer(200, vec![1]), Ok(Fetched::plain(vec![1])));
         let refusal = answer(400, b"<?xml version=\"1.0\"?><S><E code=\"x\">BBOX is empty</E></S>".to_vec());
         assert_eq!(refusal, Err(FetchFailure::Permanent("HTTP 400: BBOX is empty".into())));
         assert!(matches!(answer(503, b"busy".to_vec()), Err(FetchFailure::Temporary(_))));
+    }
+
+    #[test]
+    fn what_is_counted_is_what_came() {
+        let plain = vec![7; 10_000];
+        let body = zstd::encode_all(&plain[..], 3).unwrap();
+        let wire_bytes = body.len() as u64;
+        let came = |encoding: &str, body: &[u8]| {
+            fetched(Answer { status: 200, encoding: Some(encoding.to_owned()), body: body.to_vec() })
+        };
+        assert_eq!(came("zstd", &body), Ok(Fetched { body: plain, wire_bytes }));
+        assert!(wire_bytes < 100);
+        assert!(matches!(came("zstd", &body[..body.len() / 2]), Err(FetchFailure::Temporary(_))));
+        assert!(matches!(came("br", &body), Err(FetchFailure::Permanent(line)) if line.contains("br")));
+        let bomb = zstd::encode_all(&vec![0; BODY_LIMIT + 1][..], 3).unwrap();
+        assert!(matches!(came("zstd", &bomb), Err(FetchFailure::Permanent(_))));
     }
 
     #[test]

@@ -4,6 +4,7 @@
 pub mod browser;
 pub mod data;
 pub mod faulty_link;
+pub mod geotiff;
 pub mod gpu;
 pub mod height_field;
 pub mod picture;

@@ -110,8 +110,13 @@ pub struct Server {
 impl Server {
     /// Starts it with further arguments and waits until it accepts connections.
     pub fn start(arguments: &[&str]) -> anyhow::Result<Self> {
+        Self::start_at("127.0.0.1:0", arguments)
+    }
+
+    /// The same at an address of one's own, as after a restart.
+    pub fn start_at(address: &str, arguments: &[&str]) -> anyhow::Result<Self> {
         let mut command = Command::new(path("treeline")?);
-        command.args(["serve", "--listen", "127.0.0.1:0"]).args(arguments);
+        command.args(["serve", "--listen", address]).args(arguments);
         let mut process = Process::start(&mut command)?;
         let stdout = process.child().stdout.take().context("standard output is piped")?;
         let mut line = String::new();

@@ -20,17 +20,6 @@ fn open(browser: &Browser, url: &str) -> anyhow::Result<Page> {
     Ok(page)
 }
 
-/// Hides what lies over the picture and pauses, so that a screenshot is the picture and comes soon.
-fn only_the_picture(page: &mut Page) -> anyhow::Result<image::RgbaImage> {
-    page.evaluate(
-        "for (const id of ['bar', 'panel', 'attribution', 'notice', 'progress']) \
-         document.getElementById(id).style.visibility = 'hidden'; \
-         document.activeElement.blur(); \
-         window.treeline.pause(); window.treeline.step().then(() => true)",
-    )?;
-    page.screenshot()
-}
-
 fn same_view(one: &GeographicCamera, other: &GeographicCamera) -> bool {
     (one.lon - other.lon).abs() < 1e-7
         && (one.lat - other.lat).abs() < 1e-7
@@ -106,7 +95,7 @@ fn browser_draws_what_treeline_shot_draws() -> anyhow::Result<()> {
         "window.treeline.setCamera({}); window.treeline.settled().then(() => true)",
         serde_json::to_string(&scene.camera)?
     ))?;
-    let shown = only_the_picture(&mut page)?;
+    let shown = page.picture()?;
     ensure!(shown.dimensions() == SIZE, "{:?}", shown.dimensions());
     ensure!(picture::contrast(&shown) > 10.0, "a blank picture");
     ensure!(page.complaints()?.is_empty(), "{:?}", page.complaints()?);

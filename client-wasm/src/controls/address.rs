@@ -4,6 +4,7 @@
 //! does not lose them on the way through this one.
 
 use treeline_core::camera::{DEFAULT_FIELD_OF_VIEW_DEGREES, GeographicCamera};
+use treeline_core::sun::unix_seconds_from_rfc3339;
 
 /// What an address says of the view.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -14,10 +15,13 @@ pub struct Address {
     pub time: Option<String>,
     /// All other parameters, undecoded.
     pub others: Vec<String>,
+    /// One line about what is there and cannot be read, for the person who followed the link.
+    pub problem: Option<String>,
 }
 
 impl Address {
-    /// Reads the part after `#`. What cannot be read is left out: an address is not worth an error page.
+    /// Reads the part after `#`. What cannot be read is left out, with a word in `problem`: an address is
+    /// not worth an error page.
     pub fn from_fragment(fragment: &str) -> Self {
         let mut address = Self::default();
         let mut field_of_view = DEFAULT_FIELD_OF_VIEW_DEGREES;
@@ -25,20 +29,36 @@ impl Address {
         for parameter in fragment.split('&').filter(|parameter| !parameter.is_empty()) {
             let (name, value) = parameter.split_once('=').unwrap_or((parameter, ""));
             match name {
-                "camera" => address.camera = camera_from_list(value),
-                "time" if !value.is_empty() => {
-                    address.time = Some(value.replace("%3A", ":").replace("%3a", ":"))
+                "camera" => match camera_from_list(value) {
+                    Ok(camera) => address.camera = Some(camera),
+                    Err(problem) => address.add_problem(&problem),
+                },
+                "time" => {
+                    let time = value.replace("%3A", ":").replace("%3a", ":");
+                    match unix_seconds_from_rfc3339(&time) {
+                        Ok(_) => address.time = Some(time),
+                        Err(problem) => address.add_problem(&format!("The link's time: {problem}.")),
+                    }
                 }
-                "time" => {}
                 "fov" => field_of_view = value.parse().unwrap_or(field_of_view),
                 _ => address.others.push(parameter.to_owned()),
             }
         }
-        if let Some(camera) = &mut address.camera {
+        if let Some(mut camera) = address.camera.take() {
             camera.fov_y_deg = field_of_view;
+            match camera.check() {
+                Ok(()) => address.camera = Some(camera),
+                Err(problem) => address.add_problem(&camera_problem(&problem)),
+            }
         }
-        address.camera = address.camera.filter(|camera| camera.check().is_ok());
         address
+    }
+
+    fn add_problem(&mut self, line: &str) {
+        self.problem = Some(match self.problem.take() {
+            Some(before) => format!("{before} {line}"),
+            None => line.to_owned(),
+        });
     }
 
     /// The part after `#`. Degrees to 1e-8 (a millimetre), metres to the millimetre, angles to 1e-4.
@@ -64,17 +84,43 @@ impl Address {
 }
 
 /// `lon,lat,height,heading_deg,pitch_deg`; a sixth and later number is for a later version.
-fn camera_from_list(list: &str) -> Option<GeographicCamera> {
-    let mut numbers = list.split(',').map(|number| number.parse::<f64>().ok());
-    let mut next = || numbers.next().flatten();
-    Some(GeographicCamera {
-        lon: next()?,
-        lat: next()?,
-        height: next()?,
-        heading_deg: next()?,
-        pitch_deg: next()?,
+fn camera_from_list(list: &str) -> Result<GeographicCamera, String> {
+    // Some programs encode the commas of a link that they pass on.
+    let list = list.replace("%2C", ",").replace("%2c", ",");
+    let numbers: Result<Vec<f64>, String> = list
+        .split(',')
+        .take(5)
+        .map(|number| {
+            number
+                .parse()
+                .map_err(|_| camera_problem(&format!("\u{201c}{}\u{201d} is no number", start_of(number))))
+        })
+        .collect();
+    let &[lon, lat, height, heading_deg, pitch_deg] = &numbers?[..] else {
+        return Err(camera_problem("five numbers are needed: longitude, latitude, height, heading, pitch"));
+    };
+    Ok(GeographicCamera {
+        lon,
+        lat,
+        height,
+        heading_deg,
+        pitch_deg,
         fov_y_deg: DEFAULT_FIELD_OF_VIEW_DEGREES,
     })
+}
+
+/// A line about a camera that cannot be.
+fn camera_problem(problem: &str) -> String {
+    format!("The view in the link cannot be read ({problem}); this is the first view instead.")
+}
+
+/// The beginning of a text that may be long: a line is read, not scrolled.
+fn start_of(text: &str) -> String {
+    let mut start: String = text.chars().take(24).collect();
+    if start.len() < text.len() {
+        start.push('…');
+    }
+    start
 }
 
 /// At most so many decimals, without zeros at the end, and no negative zero.
@@ -110,8 +156,16 @@ mod tests {
             "#camera=NaN,0,0,0,0",
             "#camera=a,b,c,d,e",
         ] {
-            assert_eq!(Address::from_fragment(fragment).camera, None, "{fragment}");
+            let address = Address::from_fragment(fragment);
+            assert_eq!(address.camera, None, "{fragment}");
+            assert_eq!(address.problem.is_some(), fragment.contains('='), "{fragment}: {address:?}");
         }
+        let problem = |fragment: &str| Address::from_fragment(fragment).problem.unwrap();
+        assert!(problem("camera=1,91,3,4,5").contains("lat"));
+        assert!(problem("camera=1,x,3,4,5").contains("\u{201c}x\u{201d}"));
+        assert!(problem(&format!("camera={}", "9x".repeat(4_000))).len() < 200);
+        assert!(problem("camera=1&time=noon").contains("time"));
+        assert_eq!(Address::from_fragment("camera=8%2C46%2C3000%2C0%2C-30").camera.unwrap().lat, 46.0);
         assert_eq!(
             Address::from_fragment("time=2026-07-15T09%3A00%3A00Z").time.unwrap(),
             "2026-07-15T09:00:00Z"

@@ -48,10 +48,8 @@ impl GpuContext {
         let faults = Arc::new(Mutex::new(Faults::default()));
         let for_loss = Arc::clone(&faults);
         device.set_device_lost_callback(move |reason, text| {
-            // Dropping the device is no loss.
-            if reason != wgpu::DeviceLostReason::Destroyed {
-                lock(&for_loss).lost.get_or_insert(text);
-            }
+            // A device that was destroyed is as lost to whoever still holds this.
+            lock(&for_loss).lost.get_or_insert_with(|| format!("{reason:?}: {text}"));
         });
         let for_errors = Arc::clone(&faults);
         device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {

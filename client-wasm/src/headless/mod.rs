@@ -13,7 +13,7 @@ mod tests;
 
 pub use adapter::{AdapterChoice, open};
 pub use capture::Capture;
-pub use fetch::TileFetcher;
+pub use fetch::{Fetched, TileFetcher};
 pub use session::Session;
 
 /// What can go wrong without a browser, one line each.

@@ -2,8 +2,8 @@
 
 use super::HeadlessError;
 use super::capture::{Capture, read_texture, wait};
-use super::fetch::{TileFetcher, fetch_tile};
-use crate::engine::{Engine, FrameReport, Payload, TileRequest, ViewRequest};
+use super::fetch::{FetchedTile, TileFetcher, fetch_tile};
+use crate::engine::{Engine, FrameReport, TileRequest, ViewRequest};
 use crate::frame::FrameTarget;
 use crate::stream::requests::{FetchFailure, RequestId};
 use std::collections::HashMap;
@@ -32,7 +32,7 @@ pub struct Session {
     workers: usize,
 }
 
-type Answer = (RequestId, Result<Payload, FetchFailure>);
+type Answer = (TileRequest, Result<FetchedTile, FetchFailure>);
 
 impl Session {
     /// With a picture of so many pixels; `workers` threads fetch and decode.
@@ -72,9 +72,9 @@ impl Session {
                         let Ok(request) = next else { return };
                         // A panic must not leave the request unanswered, and the loop waiting for ever.
                         let fetch = AssertUnwindSafe(|| fetch_tile(fetcher, request.key, &request.url));
-                        let payload = catch_unwind(fetch)
+                        let fetched = catch_unwind(fetch)
                             .unwrap_or_else(|_| Err(FetchFailure::Permanent("the fetcher panicked".into())));
-                        if answer.send((request.id, payload)).is_err() {
+                        if answer.send((request, fetched)).is_err() {
                             return;
                         }
                     }
@@ -122,15 +122,22 @@ impl Session {
                 }
                 continue;
             }
-            if let Ok((id, payload)) = answers.recv() {
-                under_way.remove(&id);
-                self.engine.deliver(self.now, id, payload);
-            }
-            while let Ok((id, payload)) = answers.try_recv() {
-                under_way.remove(&id);
-                self.engine.deliver(self.now, id, payload);
+            let first = answers.recv().ok();
+            for (request, fetched) in first.into_iter().chain(std::iter::from_fn(|| answers.try_recv().ok()))
+            {
+                under_way.remove(&request.id);
+                self.deliver(&request, fetched);
             }
         }
+    }
+
+    /// Hands an answer to the engine, and counts it.
+    fn deliver(&mut self, request: &TileRequest, fetched: Result<FetchedTile, FetchFailure>) {
+        let payload = fetched.map(|FetchedTile { payload, wire_bytes }| {
+            self.engine.count_wire_bytes(request.key.layer, wire_bytes);
+            payload
+        });
+        self.engine.deliver(self.now, request.id, payload);
     }
 
     /// Draws the view from what is resident, and waits for it.

@@ -1,7 +1,7 @@
 //! The engine on a software adapter, over an analytic world: from request to picture.
 
 use super::capture::Capture;
-use super::fetch::TileFetcher;
+use super::fetch::{Fetched, TileFetcher};
 use super::session::Session;
 use super::{AdapterChoice, HeadlessError, open};
 use crate::engine::{Engine, EngineOptions, ViewRequest};
@@ -19,6 +19,8 @@ use treeline_core::tile::{GeographicBox, TileAddress, cell_metres};
 
 const WIDTH: u32 = 96;
 const HEIGHT: u32 = 64;
+/// What the analytic world says that an elevation tile was on the wire.
+const ELEVATION_WIRE_BYTES: u64 = 1_000;
 
 /// Hills of 300 m, a few kilometres apart.
 fn hills(longitude: f64, latitude: f64) -> f64 {
@@ -53,7 +55,7 @@ impl World {
 }
 
 impl TileFetcher for World {
-    fn fetch(&self, url: &str) -> Result<Vec<u8>, FetchFailure> {
+    fn fetch(&self, url: &str) -> Result<Fetched, FetchFailure> {
         assert!(url.starts_with("/wms?SERVICE=WMS&"), "{url}");
         let count = self.count.fetch_add(1, Ordering::Relaxed);
         if self.fails_one_in > 0 && count % self.fails_one_in == 1 {
@@ -62,7 +64,8 @@ impl TileFetcher for World {
         self.asked.lock().unwrap().push(url.to_owned());
         let (layer, address) = tile_of(url);
         if layer.is_elevation() {
-            return Ok(encoded(address, hills));
+            let body = encoded(address, hills);
+            return Ok(Fetched { body, wire_bytes: ELEVATION_WIRE_BYTES });
         }
         let shade = address.level.wrapping_mul(40);
         let picture = image::RgbImage::from_fn(TEXTURE_SIDE, TEXTURE_SIDE, |x, y| {
@@ -70,7 +73,7 @@ impl TileFetcher for World {
         });
         let mut png = std::io::Cursor::new(Vec::new());
         picture.write_to(&mut png, image::ImageFormat::Png).unwrap();
-        Ok(png.into_inner())
+        Ok(Fetched::plain(png.into_inner()))
     }
 }
 
@@ -146,6 +149,10 @@ fn nothing_is_drawn_or_asked_for_while_nothing_changes() {
     }
     assert_eq!(session.engine.stats().frames, before.frames);
     assert_eq!(before.requests.started, before.requests.succeeded);
+    // Counted is what the fetcher says of the wire, not what the engine sees.
+    let layer = Layer::CombinedElevation.name();
+    assert_eq!(before.bytes[layer], before.tiles[layer] * ELEVATION_WIRE_BYTES);
+    assert!(before.bytes["texture"] > before.tiles["texture"] * 1_000);
 }
 
 #[test]
@@ -164,7 +171,7 @@ fn each_tile_is_asked_for_once() {
 #[test]
 fn a_refused_tile_is_an_error_that_names_it() {
     let refuse =
-        |_: &str| -> Result<Vec<u8>, FetchFailure> { Err(FetchFailure::Permanent("HTTP 404: gone".into())) };
+        |_: &str| -> Result<Fetched, FetchFailure> { Err(FetchFailure::Permanent("HTTP 404: gone".into())) };
     let error = session().settle(&view(2_000.0, -20.0), &refuse).unwrap_err();
     assert!(
         matches!(&error, HeadlessError::Tile { url, problem } if url.contains("BBOX=") && problem == "HTTP 404: gone")

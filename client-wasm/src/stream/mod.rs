@@ -339,6 +339,11 @@ impl Stream {
         self.drawn_ready
     }
 
+    /// Whether all that there is has come and holds nothing: there is no terrain to show, on any level.
+    pub fn is_empty(&self) -> bool {
+        self.elevation.base.iter().all(|address| self.elevation.pool.is_empty_tile(address))
+    }
+
     /// The page tables of a frame at `now` seconds.
     pub fn tables(&mut self, view: &ViewGeometry, now: f64) -> Tables {
         let wanted = |layer: &LayerStream| layer.cut.nodes.keys().copied().collect::<Vec<_>>();

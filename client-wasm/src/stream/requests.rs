@@ -154,6 +154,16 @@ impl Requests {
         self.failures.insert(key, Failure { attempts, not_before: now + delay, last: failure.clone() });
     }
 
+    /// What failed for a while may be asked for again at once: the way there is open again. What was
+    /// refused stays refused.
+    pub fn retry_now(&mut self, now: f64) {
+        for failure in self.failures.values_mut() {
+            if matches!(failure.last, FetchFailure::Temporary(_)) {
+                failure.not_before = failure.not_before.min(now);
+            }
+        }
+    }
+
     /// How a tile has failed, if it has since it last came.
     pub fn failure(&self, key: &TileKey) -> Option<&Failure> {
         self.failures.get(key)
@@ -263,6 +273,21 @@ mod tests {
         }
         let early = requests.plan(0.5, &wishes).start.len();
         assert!((10..54).contains(&early), "{early} of 64 after the mean delay");
+    }
+
+    #[test]
+    fn once_the_way_is_open_again_nothing_waits_but_what_was_refused() {
+        let mut requests = Requests::new(4);
+        let wishes = [wish(1, 1.0), wish(2, 1.0)];
+        let failures = [temporary(), FetchFailure::Permanent("404".into())];
+        for ((id, key), failure) in requests.plan(0.0, &wishes).start.into_iter().zip(failures) {
+            requests.finish(id);
+            requests.failed(key, 0.0, &failure);
+        }
+        assert!(requests.plan(0.1, &wishes).start.is_empty());
+        requests.retry_now(0.1);
+        let again = requests.plan(0.1, &wishes).start;
+        assert_eq!(again.iter().map(|(_, key)| *key).collect::<Vec<_>>(), [wishes[0].key]);
     }
 
     #[test]

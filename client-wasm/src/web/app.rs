@@ -3,38 +3,37 @@
 //! The loop sleeps when nothing moves, nothing has arrived and nothing fades: events, answers and
 //! the GPU wake it.
 
+use super::device::Losses;
 use super::events;
 use super::failure::{Failure, text_of};
 use super::fetch;
 use super::graphics::Graphics;
 use super::session::{EngineGround, Session};
+use super::wire::WireLog;
+use crate::controls::Controls;
 use crate::controls::address::Address;
 use crate::controls::resolution::Resolution;
-use crate::controls::{Controls, Input};
-use crate::engine::{FrameReport, Payload, TileRequest};
+use crate::engine::{FrameReport, TileRequest};
+use crate::outage::Outage;
+use crate::stats::Stats;
 use crate::stream::requests::{FetchFailure, RequestId};
-use js_sys::{Function, Promise};
+use js_sys::Function;
 use std::cell::{Cell, RefCell};
 use std::rc::{Rc, Weak};
-use treeline_core::camera::GeographicCamera;
 use treeline_core::scene::SceneDescription;
 use treeline_core::sun::unix_seconds_from_rfc3339;
 use wasm_bindgen::prelude::*;
 use wasm_bindgen_futures::spawn_local;
 use web_sys::{AbortController, HtmlCanvasElement, Window};
 
-/// Largest picture, pixels: beyond it sharpness is not worth its time.
-const LARGEST_PICTURE: f64 = 3840.0 * 2160.0;
-/// Device pixels for a CSS pixel at most.
-const LARGEST_PIXEL_RATIO: f64 = 2.0;
-/// Failed requests in a row after which the person is told.
-const FAILURES_TO_TELL: u32 = 6;
-/// Milliseconds between looks for a lost device while the loop sleeps.
-const WATCH_MILLISECONDS: i32 = 1000;
-
 thread_local! {
     /// For callbacks of the GPU, which may not hold anything themselves.
     static RUNNING: RefCell<Weak<App>> = const { RefCell::new(Weak::new()) };
+}
+
+/// The page's app, for whatever may not hold it itself.
+pub(super) fn running() -> Option<Rc<App>> {
+    RUNNING.with(|running| running.borrow().upgrade())
 }
 
 /// What `requestAnimationFrame` calls.
@@ -42,50 +41,55 @@ type FrameCallback = Closure<dyn FnMut(f64)>;
 
 /// The page.
 pub struct App {
-    window: Window,
-    canvas: HtmlCanvasElement,
+    pub(super) window: Window,
+    pub(super) canvas: HtmlCanvasElement,
     report: Function,
-    state: RefCell<State>,
+    pub(super) state: RefCell<State>,
+    wire: WireLog,
     frame: RefCell<Option<FrameCallback>>,
     scheduled: Cell<bool>,
     timer: Cell<Option<i32>>,
 }
 
 /// What changes.
-struct State {
-    scene: SceneDescription,
-    session: Option<Session>,
-    controls: Controls,
-    resolution: Resolution,
-    address: Address,
-    sun_unix_seconds: Option<f64>,
+pub(super) struct State {
+    pub(super) scene: SceneDescription,
+    pub(super) session: Option<Session>,
+    pub(super) controls: Controls,
+    pub(super) resolution: Resolution,
+    pub(super) address: Address,
+    pub(super) sun_unix_seconds: Option<f64>,
     /// CSS pixels of the canvas, and device pixels.
-    css_size: (f64, f64),
-    size: (u32, u32),
+    pub(super) css_size: (f64, f64),
+    pub(super) size: (u32, u32),
     /// Set by hand: the window's size does not count.
-    fixed_size: bool,
-    paused: bool,
-    settled: bool,
-    last_step: Option<f64>,
-    in_flight: u32,
-    submitted_at: f64,
+    pub(super) fixed_size: bool,
+    pub(super) paused: bool,
+    pub(super) settled: bool,
+    pub(super) last_step: Option<f64>,
+    pub(super) in_flight: u32,
+    pub(super) submitted_at: f64,
     /// Scale of the last frame drawn.
-    scale: f64,
-    progress: (usize, usize),
-    failures_in_row: u32,
-    lost: bool,
-    counters: Counters,
-    waiting_for_settled: Vec<Function>,
-    waiting_for_frame: Vec<Function>,
+    pub(super) scale: f64,
+    pub(super) progress: (usize, usize),
+    pub(super) outage: Outage,
+    pub(super) losses: Losses,
+    /// What engines counted whose device was lost.
+    pub(super) earlier: Stats,
+    /// Whether the page has said that there is nothing to show.
+    told_empty: bool,
+    pub(super) counters: Counters,
+    pub(super) waiting_for_settled: Vec<Function>,
+    pub(super) waiting_for_frame: Vec<Function>,
 }
 
 /// What the page counts, beside the engine.
 #[derive(Clone, Copy, Default)]
-struct Counters {
-    frames_drawn: u64,
-    frame_milliseconds: f64,
-    first_textured_milliseconds: f64,
-    sessions: u32,
+pub(super) struct Counters {
+    pub(super) frames_drawn: u64,
+    pub(super) frame_milliseconds: f64,
+    pub(super) first_textured_milliseconds: f64,
+    pub(super) sessions: u32,
 }
 
 impl App {
@@ -130,12 +134,15 @@ impl App {
                 submitted_at: 0.0,
                 scale: 1.0,
                 progress: (0, 0),
-                failures_in_row: 0,
-                lost: false,
+                outage: Outage::default(),
+                losses: Losses::default(),
+                earlier: Stats::default(),
+                told_empty: false,
                 counters: Counters { sessions: 1, ..Counters::default() },
                 waiting_for_settled: Vec::new(),
                 waiting_for_frame: Vec::new(),
             }),
+            wire: WireLog::open(),
             frame: RefCell::new(None),
             scheduled: Cell::new(false),
             timer: Cell::new(None),
@@ -149,13 +156,14 @@ impl App {
             }
         }));
         events::listen(&app, &canvas, &window).map_err(|error| Failure::new("failed", text_of(&error)))?;
-        app.watch();
+        app.watch_device();
+        app.tell_of_address();
         app.canvas_resized();
         Ok(app)
     }
 
     /// Seconds since the page was opened.
-    fn now(&self) -> f64 {
+    pub(super) fn now(&self) -> f64 {
         self.window.performance().map_or(0.0, |clock| clock.now() / 1000.0)
     }
 
@@ -171,22 +179,6 @@ impl App {
         }
     }
 
-    /// Looks from time to time whether the device is still there: while the loop sleeps no one would notice.
-    fn watch(self: &Rc<Self>) {
-        let weak = Rc::downgrade(self);
-        let look = Closure::<dyn FnMut()>::new(move || {
-            if let Some(app) = weak.upgrade() {
-                app.check_device();
-            }
-        });
-        // Without a timer the loop itself still looks.
-        let _ = self.window.set_interval_with_callback_and_timeout_and_arguments_0(
-            look.as_ref().unchecked_ref(),
-            WATCH_MILLISECONDS,
-        );
-        look.forget();
-    }
-
     /// One turn of the loop.
     fn run(&self) {
         self.check_device();
@@ -200,7 +192,7 @@ impl App {
 
     /// Moves the camera and steps the engine; `full`: in full resolution, whatever moves. Gives the
     /// report and whether the loop has to go on. `None` where it cannot be done now.
-    fn advance(&self, now: f64, full: bool) -> Option<(FrameReport, bool)> {
+    pub(super) fn advance(&self, now: f64, full: bool) -> Option<(FrameReport, bool)> {
         let mut guard = self.state.borrow_mut();
         let state = &mut *guard;
         let session = state.session.as_mut()?;
@@ -230,7 +222,7 @@ impl App {
             state.counters.frames_drawn += 1;
             let number = session.number;
             session.graphics.context.queue.on_submitted_work_done(move || {
-                if let Some(app) = RUNNING.with(|running| running.borrow().upgrade()) {
+                if let Some(app) = running() {
                     app.frame_done(number);
                 }
             });
@@ -246,7 +238,7 @@ impl App {
     }
 
     /// Requests, aborts, progress, and whoever waits.
-    fn after_step(&self, report: &FrameReport, now: f64) {
+    pub(super) fn after_step(&self, report: &FrameReport, now: f64) {
         for id in &report.cancelled {
             let controller =
                 self.state.borrow_mut().session.as_mut().and_then(|session| session.fetches.remove(id));
@@ -265,8 +257,21 @@ impl App {
             let (wanted, resident) = report.progress;
             self.tell("progress", &[resident.into(), wanted.into()]);
         }
+        self.tell_if_empty();
         self.wake_at(report.retry_at, now);
         self.finish_waiting();
+    }
+
+    /// Says once that all there is has come and is empty: else the page would show a sky and no word.
+    fn tell_if_empty(&self) {
+        {
+            let mut state = self.state.borrow_mut();
+            let empty = state.session.as_ref().is_some_and(|session| session.engine.is_empty());
+            if !empty || std::mem::replace(&mut state.told_empty, true) {
+                return;
+            }
+        }
+        self.tell("empty-scene", &["every sample of the terrain is marked as missing".into()]);
     }
 
     /// Wakes the loop when a failed tile may be asked for again.
@@ -277,7 +282,7 @@ impl App {
         let Some(time) = time else { return };
         let milliseconds = ((time - now).max(0.0) * 1000.0).min(60_000.0) as i32 + 1;
         let wake = Closure::once_into_js(|| {
-            if let Some(app) = RUNNING.with(|running| running.borrow().upgrade()) {
+            if let Some(app) = running() {
                 app.timer.set(None);
                 app.wake();
             }
@@ -315,7 +320,7 @@ impl App {
     }
 
     /// Resolves promises of a settled view once its last frame is done, and writes the address.
-    fn finish_waiting(&self) {
+    pub(super) fn finish_waiting(&self) {
         let waiting = {
             let mut state = self.state.borrow_mut();
             if !state.settled || state.in_flight > 0 {
@@ -338,17 +343,19 @@ impl App {
             return;
         };
         let window = self.window.clone();
+        let address = self.wire.asked(&window, &request);
         spawn_local(async move {
             let answer = fetch::tile(&window, &request, &signal).await;
-            if let Some(app) = RUNNING.with(|running| running.borrow().upgrade()) {
+            if let Some(app) = running() {
+                app.wire.ended(&address, answer.as_ref().ok().map(|tile| tile.wire_bound));
                 app.deliver(number, request.id, answer);
             }
         });
     }
 
-    fn deliver(&self, session: u32, id: RequestId, answer: Result<Payload, FetchFailure>) {
+    fn deliver(&self, session: u32, id: RequestId, answer: Result<fetch::Tile, FetchFailure>) {
         let now = self.now();
-        let notice = {
+        let change = {
             let mut guard = self.state.borrow_mut();
             let state = &mut *guard;
             let Some(current) = state.session.as_mut().filter(|current| current.number == session) else {
@@ -356,287 +363,40 @@ impl App {
             };
             // An aborted request ends too, but tells nothing of the server.
             let expected = current.fetches.remove(&id).is_some();
-            let before = state.failures_in_row;
-            match (&answer, expected) {
-                (Ok(_), _) => state.failures_in_row = 0,
-                (Err(_), true) => state.failures_in_row += 1,
-                (Err(_), false) => {}
-            }
-            if answer.is_ok() {
-                state.resolution.arrived(now);
-            }
-            current.engine.deliver(now, id, answer);
-            match (before >= FAILURES_TO_TELL, state.failures_in_row >= FAILURES_TO_TELL) {
-                (false, true) => Some("The server does not answer. Trying again …"),
-                (true, false) => Some(""),
-                _ => None,
-            }
+            let change = match &answer {
+                Ok(_) => {
+                    state.resolution.arrived(now);
+                    state.outage.tile_came()
+                }
+                Err(FetchFailure::Temporary(_)) if expected => state.outage.tile_failed(),
+                Err(_) => None,
+            };
+            current.engine.deliver(now, id, answer.map(|tile| tile.payload));
+            change
         };
-        if let Some(notice) = notice {
-            self.tell("notice", &[notice.into()]);
+        if let Some(change) = change {
+            self.follow_outage(change);
         }
         self.wake();
     }
 
-    /// Opens a new device where the old one is lost: once.
-    fn check_device(&self) {
-        let mut guard = self.state.borrow_mut();
-        let state = &mut *guard;
-        let Some(session) = &mut state.session else { return };
-        if let Some(error) = session.graphics.context.error().filter(|_| !state.lost) {
-            state.lost = true;
-            web_sys::console::error_1(&format!("graphics: {error}").into());
-        }
-        let Some(reason) = session.graphics.context.lost() else { return };
-        web_sys::console::warn_1(&format!("the graphics device was lost: {reason}").into());
-        session.abort();
-        state.session = None;
-        state.settled = false;
-        state.in_flight = 0;
-        state.counters.sessions += 1;
-        let number = state.counters.sessions;
-        if number > 2 {
-            drop(guard);
-            self.tell("device-lost", &[reason.into()]);
-            return;
-        }
-        let canvas = self.canvas.clone();
-        spawn_local(async move {
-            let graphics = Graphics::open(&canvas).await;
-            let Some(app) = RUNNING.with(|running| running.borrow().upgrade()) else { return };
-            let session = {
-                let state = app.state.borrow();
-                graphics.and_then(|graphics| Session::new(graphics, &state.scene, number))
-            };
-            match session {
-                Ok(session) => app.state.borrow_mut().session = Some(session),
-                Err(_) => return app.tell("device-lost", &[reason.into()]),
-            }
-            app.wake();
-        });
+    /// Bytes of tiles by layer, as they crossed the network.
+    pub(super) fn wire_bytes(&self) -> std::collections::BTreeMap<&'static str, u64> {
+        self.wire.totals()
+    }
+
+    /// Puts a line over the picture, or takes it away where `text` is empty. `about` names what it is
+    /// about: a later line about the same replaces it. `passing`: it goes by itself after a while.
+    pub(super) fn notice(&self, about: &str, text: &str, passing: bool) {
+        self.tell("notice", &[about.into(), text.into(), passing.into()]);
     }
 
     /// Calls the page's report.
-    fn tell(&self, kind: &str, details: &[JsValue]) {
+    pub(super) fn tell(&self, kind: &str, details: &[JsValue]) {
         let arguments: js_sys::Array = std::iter::once(kind.into()).chain(details.iter().cloned()).collect();
         if let Err(error) = self.report.apply(&JsValue::NULL, &arguments) {
             web_sys::console::error_1(&error);
         }
-    }
-}
-
-/// What the outside asks.
-impl App {
-    /// Takes an event.
-    pub fn input(&self, input: Input) {
-        {
-            let mut guard = self.state.borrow_mut();
-            let state = &mut *guard;
-            let Some(session) = &state.session else { return };
-            let before = state.controls.camera();
-            state.controls.input(input, &EngineGround(&session.engine));
-            if state.controls.camera() != before {
-                state.resolution.moved(self.now());
-                state.settled = false;
-            }
-            if !state.controls.is_active() && state.controls.camera() == before {
-                return;
-            }
-        }
-        self.wake();
-    }
-
-    /// The canvas has another size on the page.
-    pub fn canvas_resized(&self) {
-        {
-            let mut state = self.state.borrow_mut();
-            let css = (f64::from(self.canvas.client_width()), f64::from(self.canvas.client_height()));
-            if css.0 < 1.0 || css.1 < 1.0 {
-                return;
-            }
-            state.css_size = css;
-            if !state.fixed_size {
-                let ratio = self.window.device_pixel_ratio().clamp(0.5, LARGEST_PIXEL_RATIO);
-                let ratio = ratio.min((LARGEST_PICTURE / (css.0 * css.1)).sqrt());
-                let size = scaled((css.0 as u32, css.1 as u32), ratio);
-                state.settled &= state.size == size;
-                state.size = size;
-            }
-        }
-        self.resize_controls();
-        self.wake();
-    }
-
-    fn resize_controls(&self) {
-        let (width, height) = self.state.borrow().css_size;
-        self.input(Input::Resize { width, height });
-    }
-
-    /// `window.treeline.camera()`, as JSON.
-    pub fn camera_json(&self) -> String {
-        json(&self.state.borrow().controls.camera())
-    }
-
-    /// The scene, as JSON.
-    pub fn scene_json(&self) -> String {
-        json(&self.state.borrow().scene)
-    }
-
-    /// Puts the camera elsewhere. Fields that are left out stay.
-    pub fn set_camera_json(&self, text: &str) -> Result<(), String> {
-        let mut fields =
-            serde_json::to_value(self.state.borrow().controls.camera()).map_err(|e| e.to_string())?;
-        let given: serde_json::Map<String, serde_json::Value> = serde_json::from_str(text).map_err(|_| {
-            format!("a camera is an object of lon, lat, height, heading_deg and pitch_deg, not {text}")
-        })?;
-        for (name, value) in given {
-            fields[name] = value;
-        }
-        let camera: GeographicCamera = serde_json::from_value(fields).map_err(|error| error.to_string())?;
-        camera.check()?;
-        self.set_camera(camera);
-        Ok(())
-    }
-
-    fn set_camera(&self, camera: GeographicCamera) {
-        {
-            let mut state = self.state.borrow_mut();
-            state.controls.set_camera(camera);
-            state.settled = false;
-        }
-        self.wake();
-    }
-
-    /// The person changed the address by hand, or followed a link within the page.
-    pub fn follow_address(&self) {
-        let address = Address::from_fragment(&self.window.location().hash().unwrap_or_default());
-        let camera = address.camera;
-        {
-            let mut state = self.state.borrow_mut();
-            let time = address.time.as_deref();
-            state.sun_unix_seconds = time.and_then(|time| unix_seconds_from_rfc3339(time).ok());
-            state.address = address;
-            state.settled = false;
-        }
-        match camera {
-            Some(camera) => self.set_camera(camera),
-            None => self.wake(),
-        }
-    }
-
-    /// Writes the view into the address bar without a new entry in the history.
-    fn write_address(&self) {
-        let fragment = {
-            let mut state = self.state.borrow_mut();
-            state.address.camera = Some(state.controls.camera());
-            format!("#{}", state.address.to_fragment())
-        };
-        if self.window.location().hash().ok().as_ref() != Some(&fragment)
-            && let Ok(history) = self.window.history()
-        {
-            // A page in a sandboxed frame may not: then its address stays as it is.
-            let _ = history.replace_state_with_url(&JsValue::NULL, "", Some(&fragment));
-        }
-    }
-
-    /// A promise that resolves once every tile that the view wants is drawn.
-    pub fn settled(&self) -> Promise {
-        let promise =
-            Promise::new(&mut |resolve, _| self.state.borrow_mut().waiting_for_settled.push(resolve));
-        self.finish_waiting();
-        self.wake();
-        promise
-    }
-
-    /// `window.treeline.stats()`, as JSON.
-    pub fn stats_json(&self) -> String {
-        let mut state = self.state.borrow_mut();
-        let engine = state.session.as_mut().map(|session| session.engine.stats());
-        let mut stats = serde_json::to_value(engine.unwrap_or_default()).unwrap_or_default();
-        let (width, height) = scaled(state.size, state.scale);
-        let Counters { frames_drawn, frame_milliseconds, first_textured_milliseconds, sessions } =
-            state.counters;
-        stats["page"] = serde_json::json!({
-            "width": width,
-            "height": height,
-            "scale": state.scale,
-            "frames_drawn": frames_drawn,
-            "frame_milliseconds": frame_milliseconds,
-            "first_textured_milliseconds": first_textured_milliseconds,
-            "devices": sessions,
-            "settled": state.settled && state.in_flight == 0,
-        });
-        stats.to_string()
-    }
-
-    /// Draws nothing from now on.
-    pub fn pause(&self) {
-        self.state.borrow_mut().paused = true;
-    }
-
-    /// Goes on.
-    pub fn resume(&self) {
-        {
-            let mut state = self.state.borrow_mut();
-            state.paused = false;
-            state.last_step = None;
-        }
-        self.wake();
-    }
-
-    /// One frame in full resolution; resolves once it is done.
-    pub fn step(&self) -> Promise {
-        let now = self.now();
-        let Some((report, _)) = self.advance(now, true) else { return Promise::resolve(&JsValue::UNDEFINED) };
-        let promise = if report.drawn {
-            Promise::new(&mut |resolve, _| self.state.borrow_mut().waiting_for_frame.push(resolve))
-        } else {
-            Promise::resolve(&JsValue::UNDEFINED)
-        };
-        self.after_step(&report, now);
-        promise
-    }
-
-    /// Size of the picture, pixels.
-    pub fn set_size(&self, width: f64, height: f64) -> Result<(), String> {
-        let whole = |value: f64| (1.0..=8192.0).contains(&value) && value.fract() == 0.0;
-        if !whole(width) || !whole(height) {
-            return Err(format!("a size is two whole numbers from 1 to 8192, not {width} and {height}"));
-        }
-        let style = self.canvas.style();
-        for (name, value) in [("width", width), ("height", height), ("inset", f64::NAN)] {
-            let value = if value.is_nan() { "0 auto auto 0".to_owned() } else { format!("{value}px") };
-            style.set_property(name, &value).map_err(|error| text_of(&error))?;
-        }
-        {
-            let mut state = self.state.borrow_mut();
-            state.fixed_size = true;
-            state.css_size = (width, height);
-            state.size = (width as u32, height as u32);
-            state.settled = false;
-        }
-        self.resize_controls();
-        self.wake();
-        Ok(())
-    }
-
-    /// Date and time of the sun.
-    pub fn time(&self) -> String {
-        let state = self.state.borrow();
-        state.address.time.clone().unwrap_or_else(|| state.scene.sun.time.clone())
-    }
-
-    /// Moves the sun.
-    pub fn set_time(&self, time: &str) -> Result<(), String> {
-        let seconds = unix_seconds_from_rfc3339(time).map_err(|error| error.to_string())?;
-        {
-            let mut state = self.state.borrow_mut();
-            state.sun_unix_seconds = Some(seconds);
-            state.address.time = Some(time.to_owned());
-            state.settled = false;
-        }
-        self.wake();
-        Ok(())
     }
 }
 
@@ -676,13 +436,9 @@ async fn join<A, B>(first: impl Future<Output = A>, second: impl Future<Output =
     .await
 }
 
-fn scaled((width, height): (u32, u32), scale: f64) -> (u32, u32) {
+pub(super) fn scaled((width, height): (u32, u32), scale: f64) -> (u32, u32) {
     let side = |pixels: u32| ((f64::from(pixels) * scale).round() as u32).max(1);
     (side(width), side(height))
-}
-
-fn json(value: &impl serde::Serialize) -> String {
-    serde_json::to_string(value).unwrap_or_default()
 }
 
 fn resolve(waiting: Vec<Function>) {

@@ -25,45 +25,63 @@ pub async fn scene(window: &Window) -> Result<SceneDescription, Failure> {
         if attempt > 0 {
             sleep(window, SCENE_WAIT_MILLISECONDS << (attempt - 1)).await;
         }
-        match text(window, "scene.json").await {
-            Ok(text) => {
-                return serde_json::from_str(&text)
-                    .map_err(|error| Failure::new("failed", format!("scene.json: {error}")));
-            }
-            Err(FetchFailure::Permanent(problem) | FetchFailure::Temporary(problem)) => last = problem,
+        match scene_once(window).await {
+            Ok(scene) => return Ok(scene),
+            Err(FetchFailure::Permanent(problem)) => return Err(Failure::new("failed", problem)),
+            Err(FetchFailure::Temporary(problem)) => last = problem,
         }
     }
     Err(Failure::new("server-gone", last))
 }
 
-/// A tile's answer, decoded as far as the browser does it.
+/// The scene, asked for once. It is permanent only where what answers is no Treeline server.
+pub async fn scene_once(window: &Window) -> Result<SceneDescription, FetchFailure> {
+    let text =
+        text(window, "scene.json").await.map_err(|problem| FetchFailure::Temporary(problem.to_string()))?;
+    serde_json::from_str(&text).map_err(|error| FetchFailure::Permanent(format!("scene.json: {error}")))
+}
+
+/// A tile's answer.
+pub struct Tile {
+    /// Decoded as far as the browser does it.
+    pub payload: Payload,
+    /// Its body was at most so many bytes on the wire: its Content-Length, else what it is without
+    /// Content-Encoding.
+    pub wire_bound: u64,
+}
+
+/// Asks for a tile.
 pub async fn tile(
     window: &Window,
     request: &TileRequest,
     signal: &AbortSignal,
-) -> Result<Payload, FetchFailure> {
+) -> Result<Tile, FetchFailure> {
     let response = get(window, &request.url, Some(signal)).await?;
-    if request.key.layer == Layer::Texture {
-        return photo(window, &response).await;
-    }
-    let buffer: ArrayBuffer = body(response.array_buffer()).await?;
-    Ok(Payload::Bytes(Uint8Array::new(&buffer).to_vec()))
+    let stated = response.headers().get("content-length").ok().flatten();
+    let stated = stated.and_then(|length| length.parse::<u64>().ok());
+    let (payload, length) = if request.key.layer == Layer::Texture {
+        photo(window, &response).await?
+    } else {
+        let buffer: ArrayBuffer = body(response.array_buffer()).await?;
+        let bytes = Uint8Array::new(&buffer).to_vec();
+        let length = bytes.len() as u64;
+        (Payload::Bytes(bytes), length)
+    };
+    Ok(Tile { payload, wire_bound: stated.unwrap_or(length) })
 }
 
 /// Decodes off the main thread, and colours as they are: the GPU converts, and nothing else may.
-async fn photo(window: &Window, response: &Response) -> Result<Payload, FetchFailure> {
+///
+/// Gives the file's length, bytes, too.
+async fn photo(window: &Window, response: &Response) -> Result<(Payload, u64), FetchFailure> {
     let blob: Blob = body(response.blob()).await?;
     let options = ImageBitmapOptions::new();
     options.set_color_space_conversion(ColorSpaceConversion::None);
     options.set_premultiply_alpha(PremultiplyAlpha::None);
     let bitmap: ImageBitmap =
         body(window.create_image_bitmap_with_blob_and_image_bitmap_options(&blob, &options)).await?;
-    Ok(Payload::Photo {
-        width: bitmap.width(),
-        height: bitmap.height(),
-        bytes: blob.size() as u64,
-        pixels: PhotoPixels::Bitmap(bitmap),
-    })
+    let (width, height) = (bitmap.width(), bitmap.height());
+    Ok((Payload::Photo { width, height, pixels: PhotoPixels::Bitmap(bitmap) }, blob.size() as u64))
 }
 
 async fn text(window: &Window, url: &str) -> Result<String, FetchFailure> {
@@ -100,7 +118,7 @@ fn temporary(error: JsValue) -> FetchFailure {
 }
 
 /// Waits.
-async fn sleep(window: &Window, milliseconds: i32) {
+pub async fn sleep(window: &Window, milliseconds: i32) {
     let promise = Promise::new(&mut |resolve, _| {
         // A browser that refuses a timer is one that does not wait.
         let _ = window.set_timeout_with_callback_and_timeout_and_arguments_0(&resolve, milliseconds);

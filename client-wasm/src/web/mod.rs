@@ -2,11 +2,15 @@
 //! [`open`] and the [`Landscape`] that it gives.
 
 mod app;
+mod device;
 mod events;
 mod failure;
 mod fetch;
 mod graphics;
+mod outage;
+mod outside;
 mod session;
+mod wire;
 
 pub use web_sys::ImageBitmap;
 
@@ -18,7 +22,8 @@ use wasm_bindgen::prelude::*;
 use web_sys::HtmlCanvasElement;
 
 /// Opens the map on a canvas. `report(kind, …)` is called with `("progress", resident, wanted)`,
-/// `("notice", text)`, and, where the picture cannot go on, with the kind of failure and a text.
+/// `("notice", about, text, passing)` (a line over the picture; an empty text takes the line about the same
+/// away), and, where the picture cannot go on, with the kind of failure and a text.
 ///
 /// # Errors
 /// `{kind, message}`: `server-gone`, `empty-scene`, `no-adapter` or `failed`.

@@ -4,7 +4,7 @@ use crate::http::answer::refusal;
 use crate::state::AppState;
 use axum::body::HttpBody as _;
 use axum::extract::{Request, State};
-use axum::http::{HeaderMap, StatusCode, Version, header};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, Version, header};
 use axum::middleware::Next;
 use axum::response::Response;
 use std::any::Any;
@@ -36,6 +36,13 @@ pub async fn bounds(State(app): State<AppState>, request: Request, next: Next) -
     };
     app.metrics.response(response.status().as_u16(), response.body().size_hint().exact().unwrap_or(0));
     drop(under_way);
+    response
+}
+
+/// Any origin may time what it reads here, too: without this a page elsewhere cannot tell how many bytes
+/// its tiles were on the wire.
+pub async fn timing(mut response: Response) -> Response {
+    response.headers_mut().insert("timing-allow-origin", HeaderValue::from_static("*"));
     response
 }
 

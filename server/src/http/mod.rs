@@ -58,6 +58,7 @@ pub fn router(state: AppState) -> Router {
                 .quality(CompressionLevel::Precise(3))
                 .compress_when(middleware::is_compressible),
         )
+        .layer(axum::middleware::map_response(middleware::timing))
         .layer(cors)
         .with_state(state)
 }

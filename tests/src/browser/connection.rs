@@ -40,14 +40,24 @@ impl Connection {
         Ok(())
     }
 
-    /// Sends a command and gives its result.
+    /// Sends a command to the tab (to the browser, before there is one) and gives its result.
     pub fn send(&mut self, method: &str, parameters: Value) -> anyhow::Result<Value> {
-        self.next += 1;
-        let id = self.next;
-        let mut command = json!({ "id": id, "method": method, "params": parameters });
+        let mut command = json!({ "method": method, "params": parameters });
         if let Some(session) = &self.session {
             command["sessionId"] = json!(session);
         }
+        self.ask(method, command)
+    }
+
+    /// Sends a command that is the browser's, not the tab's.
+    pub fn send_to_browser(&mut self, method: &str, parameters: Value) -> anyhow::Result<Value> {
+        self.ask(method, json!({ "method": method, "params": parameters }))
+    }
+
+    fn ask(&mut self, method: &str, mut command: Value) -> anyhow::Result<Value> {
+        self.next += 1;
+        let id = self.next;
+        command["id"] = json!(id);
         self.socket.send(Message::text(command.to_string()))?;
         let start = Instant::now();
         while start.elapsed() < PATIENCE {

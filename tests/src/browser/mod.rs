@@ -1,8 +1,10 @@
 //! A real Chromium, headless, driven by the DevTools protocol.
 
 mod connection;
+mod frames;
 mod page;
 
+pub use frames::{FRAME_RECORDER, RecordedFrame};
 pub use page::{Page, Pointer};
 
 use crate::program::Process;

@@ -39,6 +39,8 @@ impl Page {
             "Emulation.setDeviceMetricsOverride",
             json!({ "width": width, "height": height, "deviceScaleFactor": 1, "mobile": false }),
         )?;
+        connection
+            .send("Emulation.setTouchEmulationEnabled", json!({ "enabled": true, "maxTouchPoints": 5 }))?;
         connection.send("Page.addScriptToEvaluateOnNewDocument", json!({ "source": script }))?;
         connection.send("Page.navigate", json!({ "url": url }))?;
         Ok(Self { connection, complaints: Vec::new(), requests: Vec::new() })
@@ -102,14 +104,50 @@ impl Page {
         Ok(image::load_from_memory(&png)?.to_rgba8())
     }
 
+    /// The picture alone, in full resolution: hides what lies over it, and pauses, so that the screenshot
+    /// comes soon.
+    pub fn picture(&mut self) -> anyhow::Result<RgbaImage> {
+        self.evaluate(
+            "for (const id of ['bar', 'panel', 'attribution', 'notice', 'progress']) \
+             document.getElementById(id).style.visibility = 'hidden'; \
+             document.activeElement.blur(); \
+             window.treeline.pause(); window.treeline.step().then(() => true)",
+        )?;
+        self.screenshot()
+    }
+
+    /// Ends the browser's process for graphics, as a crash of a driver does.
+    pub fn crash_graphics(&mut self) -> anyhow::Result<()> {
+        self.connection.send_to_browser("Browser.crashGpuProcess", json!({}))?;
+        Ok(())
+    }
+
+    /// Fingers touch, move or are lifted (`touchStart`, `touchMove`, `touchEnd`); places in CSS pixels.
+    fn touch(&mut self, kind: &str, fingers: &[(f64, f64)]) -> anyhow::Result<()> {
+        let points: Vec<Value> =
+            fingers.iter().enumerate().map(|(id, (x, y))| json!({ "x": x, "y": y, "id": id })).collect();
+        self.connection.send("Input.dispatchTouchEvent", json!({ "type": kind, "touchPoints": points }))?;
+        Ok(())
+    }
+
+    /// Moves fingers over the picture, CSS pixels, in several moves, and lifts them.
+    pub fn swipe(&mut self, from: &[(f64, f64)], to: &[(f64, f64)]) -> anyhow::Result<()> {
+        self.touch("touchStart", from)?;
+        for step in 1..=10 {
+            let share = f64::from(step) / 10.0;
+            let between =
+                |(a, b): (&(f64, f64), &(f64, f64))| (a.0 + (b.0 - a.0) * share, a.1 + (b.1 - a.1) * share);
+            let places: Vec<(f64, f64)> = from.iter().zip(to).map(between).collect();
+            self.touch("touchMove", &places)?;
+        }
+        self.touch("touchEnd", &[])
+    }
+
     /// Holds a key for a while. `code` is its place (`KeyW`), `key` what it writes (`w`).
     pub fn hold_key(&mut self, code: &str, key: &str, time: Duration) -> anyhow::Result<()> {
-        self.connection
-            .send("Input.dispatchKeyEvent", json!({ "type": "keyDown", "code": code, "key": key }))?;
+        self.key(code, key, true)?;
         std::thread::sleep(time);
-        self.connection
-            .send("Input.dispatchKeyEvent", json!({ "type": "keyUp", "code": code, "key": key }))?;
-        Ok(())
+        self.key(code, key, false)
     }
 
     /// Drags from one place to another, CSS pixels, in several moves.
@@ -141,6 +179,13 @@ impl Page {
             "Input.dispatchMouseEvent",
             json!({ "type": "mouseWheel", "x": x, "y": y, "deltaX": 0, "deltaY": pixels }),
         )?;
+        Ok(())
+    }
+
+    /// Presses a key, or lets it go.
+    pub fn key(&mut self, code: &str, key: &str, down: bool) -> anyhow::Result<()> {
+        let kind = if down { "keyDown" } else { "keyUp" };
+        self.connection.send("Input.dispatchKeyEvent", json!({ "type": kind, "code": code, "key": key }))?;
         Ok(())
     }
 
