@@ -9,12 +9,15 @@ use crate::gpu::targets::Targets;
 use crate::gpu::tile_arrays::TileArrays;
 use crate::stats::{RequestStats, Stats};
 use crate::stream::decode::{self, ElevationPixels, TEXTURE_SIDE};
+use crate::stream::load_map::{Analysis, Reading};
 use crate::stream::page_table::Tables;
 use crate::stream::requests::{Failure, FetchFailure, RequestId, TileKey};
+use crate::stream::tile_choice::TileChoice;
 use crate::stream::view::ViewGeometry;
 use crate::stream::{Stream, StreamError, StreamOptions};
+use crate::survey::{Survey, SurveyStats, Ticket};
 use crate::twin_world;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 use treeline_core::camera::GeographicCamera;
 use treeline_core::geodesy::{self, Geodetic};
 use treeline_core::layer::Layer;
@@ -156,8 +159,13 @@ pub struct Engine {
     arrays: TileArrays,
     renderer: FrameRenderer,
     arrived: Vec<Arrived>,
+    survey: Survey,
+    /// Rays that the last map was made with.
+    surveyed: Option<[u32; 2]>,
+    /// When requests under way were started, seconds.
+    started: HashMap<RequestId, f64>,
     /// The view of the last choice of tiles.
-    chosen: Option<ViewRequest>,
+    chosen: Option<ViewGeometry>,
     /// Size that tiles are chosen for; the picture's own where `None`.
     choice_size: Option<[u32; 2]>,
     /// The last frame drawn.
@@ -189,7 +197,11 @@ impl Engine {
         let sun_unix_seconds = unix_seconds_from_rfc3339(&scene.sun.time)?;
         let (elevation_slots, texture_slots) = stream.capacities();
         let with_surface = stream.elevation_layer() == Layer::CombinedElevation;
-        let arrays = TileArrays::new(&gpu.device, elevation_slots as u32, texture_slots as u32, with_surface);
+        let mut arrays =
+            TileArrays::new(&gpu.device, elevation_slots as u32, texture_slots as u32, with_surface);
+        if options.stream.tile_choice == TileChoice::LoadMap {
+            arrays = arrays.with_minima(&gpu.device);
+        }
         let renderer = FrameRenderer::new(&gpu, options.count_fetches);
         Ok(Self {
             gpu,
@@ -200,6 +212,9 @@ impl Engine {
             arrays,
             renderer,
             arrived: Vec::new(),
+            survey: Survey::default(),
+            surveyed: None,
+            started: HashMap::new(),
             chosen: None,
             choice_size: None,
             drawn: None,
@@ -225,28 +240,36 @@ impl Engine {
     /// changed, or not at all.
     pub fn step(&mut self, now: f64, request: &ViewRequest, target: Option<&FrameTarget<'_>>) -> FrameReport {
         let geometry = ViewGeometry::new(&request.camera, request.width, request.height);
-        let [width, height] = self.choice_size.unwrap_or([request.width, request.height]);
-        let choice = ViewRequest { width, height, ..request.clone() };
+        let choice = self.choice_view(request);
+        self.survey.sees(&choice, now);
+        self.read_maps(now);
         let arrived = self.upload();
         // What has come says more about what lies below it.
         if arrived || self.chosen.as_ref() != Some(&choice) {
-            self.stream.choose(&ViewGeometry::new(&choice.camera, width, height));
+            self.stream.choose(&choice);
+            self.survey.changed();
             self.chosen = Some(choice);
         }
         self.stale |= arrived;
         let plan = self.stream.plan(now);
         self.counters.started += plan.start.len() as u64;
         self.counters.cancelled += plan.cancel.len() as u64;
+        self.started.extend(plan.start.iter().map(|(id, _)| (*id, now)));
+        for id in &plan.cancel {
+            self.started.remove(id);
+        }
         let ready = self.stream.is_ready();
-        let changed = self.is_outdated(request);
         let drawn = match target {
-            Some(target) if ready && changed => {
+            Some(target) if ready && self.is_outdated(request) => {
                 self.draw(now, request, geometry, target);
                 true
             }
-            _ => false,
+            _ => {
+                self.make_map_apart(now, request, geometry);
+                false
+            }
         };
-        let complete = self.arrived.is_empty() && self.stream.has_all();
+        let complete = self.arrived.is_empty() && self.stream.has_all() && !self.awaits_map();
         FrameReport {
             drawn,
             complete,
@@ -264,6 +287,67 @@ impl Engine {
         }
     }
 
+    /// The view that tiles are chosen for.
+    fn choice_view(&self, request: &ViewRequest) -> ViewGeometry {
+        let [width, height] = self.choice_size.unwrap_or([request.width, request.height]);
+        ViewGeometry::new(&request.camera, width, height)
+    }
+
+    /// Takes in the maps that have come back; never waits for one.
+    fn read_maps(&mut self, now: f64) {
+        let frames = self.frames;
+        let (stream, survey) = (&mut self.stream, &mut self.survey);
+        let mut changes = false;
+        let mut crowded = false;
+        self.renderer.poll_map(&self.gpu, |ticket, cells, pixels| {
+            survey.read(&ticket, now, frames);
+            let reading = Reading { cells, pixels };
+            changes |= stream.read_map(now, &ticket.view, &ticket.stack, reading, ticket.moves);
+            // Where slots ran out the next map is made with another threshold.
+            crowded |= stream
+                .stack(&ticket.view, None)
+                .is_some_and(|stack| stack.frame.texel_angle != ticket.stack.frame.texel_angle);
+        });
+        if changes || crowded {
+            survey.changed();
+            self.stale |= changes;
+        }
+    }
+
+    /// Whether the choice of tiles still waits for a map.
+    fn awaits_map(&mut self) -> bool {
+        self.options.stream.tile_choice == TileChoice::LoadMap
+            && self.stream.is_ready()
+            && !self.survey.is_known()
+    }
+
+    /// A map for the next submission, where one is due.
+    fn map_due(&mut self, now: f64, view: &ViewGeometry) -> Option<Ticket> {
+        if !self.survey.is_due() {
+            return None;
+        }
+        let stack = self.stream.stack(view, self.survey.look_ahead(view))?;
+        Some(self.survey.made(stack, view.clone(), now, self.frames))
+    }
+
+    /// Makes a map without a picture: where the host draws none now, and nothing that was asked for is still
+    /// to come (each tile that comes would make another one due).
+    fn make_map_apart(&mut self, now: f64, request: &ViewRequest, geometry: ViewGeometry) {
+        if !self.awaits_map() || !self.survey.is_due() || !self.arrived.is_empty() || !self.stream.has_all() {
+            return;
+        }
+        let choice = self.choice_view(request);
+        let Some(ticket) = self.map_due(now, &choice) else { return };
+        self.surveyed = Some(geometry.size);
+        let tables = self.stream.tables(&geometry, now);
+        let view = self.view(request, &geometry);
+        if !self.renderer.survey(&self.gpu, &self.arrays, &view, &tables, ticket) {
+            self.survey.not_made();
+        }
+        // The targets now hold this view; the picture does not.
+        self.stale = true;
+    }
+
     /// From now on tiles are chosen for a picture of this size, pixels, whatever the size of what is
     /// drawn: a host that draws fewer pixels for a while does not want coarser tiles then.
     pub fn choose_for(&mut self, size: [u32; 2]) {
@@ -278,7 +362,10 @@ impl Engine {
 
     /// Whether a step with this view has something to do at once, without any further answer.
     pub fn wants_step(&mut self, request: &ViewRequest) -> bool {
-        !self.arrived.is_empty() || self.wants_frame(request)
+        !self.arrived.is_empty()
+            || self.wants_frame(request)
+            || self.renderer.has_map()
+            || (self.awaits_map() && self.survey.is_due() && self.stream.has_all())
     }
 
     /// Whether the last frame is not what a frame of this view would show now.
@@ -301,7 +388,17 @@ impl Engine {
     fn draw(&mut self, now: f64, request: &ViewRequest, geometry: ViewGeometry, target: &FrameTarget<'_>) {
         let tables = self.stream.tables(&geometry, now);
         let view = self.view(request, &geometry);
-        self.renderer.draw(&self.gpu, &self.arrays, &view, &tables, target);
+        if self.surveyed != Some(geometry.size) {
+            // More rays see more.
+            self.survey.changed();
+        }
+        let ticket = self.map_due(now, &self.choice_view(request));
+        if ticket.is_some() {
+            self.surveyed = Some(geometry.size);
+        }
+        if !self.renderer.draw(&self.gpu, &self.arrays, &view, &tables, target, ticket) {
+            self.survey.not_made();
+        }
         self.drawn = Some(Drawn { request: request.clone(), geometry, view, tables });
         self.stale = false;
         self.frames += 1;
@@ -340,6 +437,11 @@ impl Engine {
 
     /// A request's answer. One that was cancelled is ignored.
     pub fn deliver(&mut self, now: f64, id: RequestId, answer: Result<Payload, FetchFailure>) {
+        if let Some(start) = self.started.remove(&id)
+            && answer.is_ok()
+        {
+            self.survey.fetched(now - start);
+        }
         let Some(key) = self.stream.requests().finish(id) else { return };
         match answer.and_then(|payload| self.decode(key, payload)) {
             Ok(arrived) => {
@@ -450,6 +552,17 @@ impl Engine {
         self.stream.wanted()
     }
 
+    /// The tiles of the ground in sight by the last map, each on the level that it wants; empty where the
+    /// quadtree chooses.
+    pub fn visible(&self) -> &[TileAddress] {
+        self.stream.visible()
+    }
+
+    /// The lists read from the last map; `None` where the quadtree chooses.
+    pub fn analysis(&self) -> Option<&Analysis> {
+        self.stream.analysis()
+    }
+
     /// Tiles that are wanted and have failed.
     pub fn failures(&self) -> impl Iterator<Item = (TileKey, &Failure)> {
         self.stream.failures()
@@ -458,6 +571,11 @@ impl Engine {
     /// Forgets the times of passes so far.
     pub fn clear_times(&mut self) {
         self.renderer.clear_times();
+    }
+
+    fn survey_stats(&self) -> Option<SurveyStats> {
+        let threshold = self.stream.threshold()?;
+        Some(SurveyStats { threshold, ..self.survey.stats() })
     }
 
     /// Counters since the engine was made.
@@ -473,6 +591,7 @@ impl Engine {
             resident: self.stream.residents(),
             requests,
             frames: self.frames,
+            survey: self.survey_stats(),
             limited: self.stream.is_limited(),
         }
     }

@@ -14,6 +14,7 @@ pub mod outage;
 pub mod passes;
 pub mod stats;
 pub mod stream;
+pub mod survey;
 mod twin_world;
 #[cfg(target_arch = "wasm32")]
 pub mod web;

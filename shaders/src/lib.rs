@@ -7,6 +7,7 @@
 pub mod height_field;
 pub mod layout;
 pub mod lighting;
+pub mod load_map;
 pub mod twin;
 
 /// The passes, each named as its file in `wgsl/`.
@@ -18,13 +19,28 @@ pub enum Pass {
     Terrain,
     /// Full-screen: casts a ray a pixel at a height field in a plane.
     HeightField,
+    /// Compute: counts and marks the load map's cells that pixels hit ([`load_map`]), and the finest mips of
+    /// the pyramid of distances.
+    LoadMapPixels,
+    /// Compute: the pyramid's other mips, four a dispatch.
+    DistanceMips,
+    /// Compute: tests the boxes of the load map's cells against the pyramid, and writes the cells' words.
+    LoadMapCells,
     /// Full-screen: light, shadow, sky and haze, from what [`Pass::Terrain`] wrote ([`lighting`]).
     Shade,
 }
 
 impl Pass {
     /// All passes.
-    pub const ALL: [Self; 4] = [Self::MaximumMip, Self::Terrain, Self::HeightField, Self::Shade];
+    pub const ALL: [Self; 7] = [
+        Self::MaximumMip,
+        Self::Terrain,
+        Self::HeightField,
+        Self::LoadMapPixels,
+        Self::DistanceMips,
+        Self::LoadMapCells,
+        Self::Shade,
+    ];
 
     /// The pass's modules in the order in which they are put together.
     pub fn modules(self) -> &'static [&'static str] {
@@ -50,6 +66,29 @@ impl Pass {
                 PATCH,
                 MAX_MIP,
                 include_str!("../wgsl/height_field.wgsl"),
+            ],
+            Self::LoadMapPixels => &[
+                LAYOUT,
+                FRAME_BINDINGS,
+                LOAD_MAP,
+                DISTANCE_PYRAMID,
+                include_str!("../wgsl/load_map_pixels.wgsl"),
+            ],
+            Self::DistanceMips => {
+                &[LAYOUT, FRAME_BINDINGS, DISTANCE_PYRAMID, include_str!("../wgsl/distance_mips.wgsl")]
+            }
+            Self::LoadMapCells => &[
+                LAYOUT,
+                FRAME_BINDINGS,
+                include_str!("../wgsl/solid.wgsl"),
+                RAY,
+                PAGE_TABLE,
+                SEEDS,
+                LOAD_MAP,
+                DISTANCE_PYRAMID,
+                include_str!("../wgsl/load_map_place.wgsl"),
+                include_str!("../wgsl/load_map_box.wgsl"),
+                include_str!("../wgsl/load_map_cells.wgsl"),
             ],
             Self::Shade => &[
                 LAYOUT,
@@ -84,6 +123,10 @@ pub const PATCH: &str = include_str!("../wgsl/patch.wgsl");
 pub const MAX_MIP: &str = include_str!("../wgsl/max_mip.wgsl");
 /// From grid coordinates to leaves, from leaf to leaf.
 pub const PAGE_TABLE: &str = include_str!("../wgsl/page_table.wgsl");
+/// The load map's stack and its marks.
+pub const LOAD_MAP: &str = include_str!("../wgsl/load_map.wgsl");
+/// Where the pyramid of distances keeps what.
+pub const DISTANCE_PYRAMID: &str = include_str!("../wgsl/distance_pyramid.wgsl");
 /// The atmosphere.
 pub const SKY: &str = include_str!("../wgsl/sky.wgsl");
 /// The photo through its page table.

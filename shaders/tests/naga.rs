@@ -3,6 +3,7 @@
 use naga::{Module, TypeInner};
 use std::mem::{offset_of, size_of};
 use treeline_shaders::layout::{Leaf, Sheet, TexturePage, View};
+use treeline_shaders::load_map::{LoadMapFrame, LoadMapLevel};
 use treeline_shaders::{Pass, source};
 
 fn parsed(pass: Pass) -> Module {
@@ -42,6 +43,10 @@ fn structs_are_laid_out_alike_on_both_sides() {
         layout_of!(Sheet: eye_patch, base, eye_patch_known, padding),
         layout_of!(TexturePage: slot, children, fade, padding),
     ];
+    compare(&module, table);
+}
+
+fn compare<const N: usize>(module: &Module, table: [(&str, usize, Vec<(&str, usize)>); N]) {
     for (name, size, fields) in table {
         let (_, found) = module
             .types
@@ -55,5 +60,19 @@ fn structs_are_laid_out_alike_on_both_sides() {
             .map(|member| (member.name.as_deref().unwrap_or_default(), member.offset as usize))
             .collect();
         assert_eq!(members, fields, "members of {name}");
+    }
+}
+
+#[test]
+fn the_load_map_is_laid_out_alike_on_both_sides() {
+    for pass in [Pass::LoadMapPixels, Pass::LoadMapCells] {
+        compare(
+            &parsed(pass),
+            [
+                layout_of!(LoadMapLevel: first, eye, band, span, level),
+                layout_of!(LoadMapFrame: eye, look_ahead, heights, maps, pattern_map, scene_seed, texel_angle, padding,
+                    levels),
+            ],
+        );
     }
 }

@@ -11,6 +11,8 @@ const PHOTO_TAPS: u32 = 3u;
 const TEXELS_PER_FOOTPRINT: f32 = 1.42;
 // A texel of level 0, metres.
 const LEVEL_0_TEXEL: f32 = 39135.76;
+// Part of a level, from its far end, over which it comes in over the coarser one.
+const PHOTO_BLEND: f32 = 0.25;
 
 // A page that has colours: its layer, its matrix level, and how far it has faded in.
 struct PhotoPage {
@@ -19,7 +21,9 @@ struct PhotoPage {
     fade: f32,
 }
 
-// The deepest resident page at a place, not below `deepest`, and the next resident one above it.
+// The resident page of level `deepest` at a place, else the next finer one, else the nearest coarser one;
+// and the next resident one above it. (Of what is in sight only the level wanted may be resident: beside
+// it stand far coarser ones, and finer is better than those.)
 struct PhotoPages {
     fine: PhotoPage,
     coarse: PhotoPage,
@@ -54,7 +58,8 @@ fn photo_pages(grid: vec2<u32>, deepest: u32) -> PhotoPages {
             pages.coarse = pages.fine;
             pages.fine = PhotoPage(page.slot, level, bitcast<f32>(page.fade));
         }
-        if page.children == EMPTY || level >= deepest || depth == ROOT_BITS {
+        let enough = level >= deepest && pages.fine.slot != EMPTY && pages.fine.level >= deepest;
+        if page.children == EMPTY || enough || depth == ROOT_BITS {
             break;
         }
         let quadrant = (grid >> vec2<u32>(ROOT_BITS - 1u - depth)) & vec2<u32>(1u);
@@ -97,8 +102,8 @@ fn photo_colour(grid: vec2<u32>, fraction: vec2<f32>, footprint: f32, stretch: v
     }
     // Between two levels the finer comes in as it is needed, and a new tile as it fades in.
     var share = pages.fine.fade;
-    if f32(pages.fine.level) >= deepest {
-        share *= saturate(1.0 - (deepest - wanted));
+    if f32(pages.fine.level) == deepest && pages.coarse.level + 1u == pages.fine.level {
+        share *= saturate((wanted - (deepest - 1.0)) / PHOTO_BLEND);
     }
     if share > 0.995 || pages.coarse.slot == EMPTY {
         return photo_in_page(pages.fine, grid, fraction, stretch);

@@ -6,6 +6,7 @@ use clap::{Parser, ValueEnum};
 use std::path::PathBuf;
 use treeline_client::headless::AdapterChoice;
 use treeline_client::stream::SurfaceChoice;
+use treeline_client::stream::tile_choice::TileChoice;
 use treeline_server::cli::SceneArguments;
 
 /// Draws one picture of a scene or of a height field, without a browser. Without a source: the
@@ -62,8 +63,8 @@ pub struct Arguments {
     #[arg(long, value_name = "N", default_value_t = treeline_client::engine::DEFAULT_SHADOW_STEPS, allow_hyphen_values = true, value_parser = whole::<0, 1000>)]
     pub shadow_steps: u32,
     /// What chooses the tiles.
-    #[arg(long, value_name = "NAME", default_value = "cpu", value_parser = tile_choice)]
-    pub tile_choice: String,
+    #[arg(long, value_name = "NAME", default_value = "load-map", value_parser = tile_choice)]
+    pub tile_choice: TileChoice,
     /// Which Vulkan adapter draws.
     #[arg(long, value_enum, default_value_t = Adapter::Any)]
     pub adapter: Adapter,
@@ -225,11 +226,11 @@ fn intersector(text: &str) -> Result<String, String> {
     }
 }
 
-fn tile_choice(text: &str) -> Result<String, String> {
+fn tile_choice(text: &str) -> Result<TileChoice, String> {
     match text {
-        "cpu" => Ok(text.into()),
-        "load-map" => Err("this version has no load map yet; it has cpu".into()),
-        _ => Err("there is no such choice; this version has cpu".into()),
+        "load-map" => Ok(TileChoice::LoadMap),
+        "cpu" => Ok(TileChoice::Cpu),
+        _ => Err("there is no such choice; write load-map or cpu".into()),
     }
 }
 
@@ -253,7 +254,8 @@ mod tests {
 
     #[test]
     fn what_does_not_exist_yet_says_what_does() {
-        for (flag, has) in [("--intersector cone-step", "max-mip"), ("--tile-choice load-map", "cpu")] {
+        for (flag, has) in [("--intersector cone-step", "max-mip"), ("--tile-choice gpu", "load-map or cpu")]
+        {
             assert!(parse(&format!("shot --size 6x5 --color o.png {flag}")).unwrap_err().contains(has));
         }
         let trees = parse("shot --size 6x5 --trees o.csv").unwrap().check().unwrap_err();

@@ -12,6 +12,7 @@ use treeline_client::engine::{Engine, EngineOptions, ViewRequest};
 use treeline_client::headless::{self, Capture, Session};
 use treeline_client::stream::StreamOptions;
 use treeline_core::layer::Layer;
+use treeline_core::tile::TileAddress;
 
 /// Settles, draws and writes.
 pub fn shoot(arguments: &Arguments) -> Result<(), ShotError> {
@@ -30,6 +31,7 @@ pub fn shoot(arguments: &Arguments) -> Result<(), ShotError> {
     let options = EngineOptions {
         stream: StreamOptions {
             surface: arguments.surface.into(),
+            tile_choice: arguments.tile_choice,
             // One frame, and it is the last one.
             fade_seconds: 0.0,
             ..StreamOptions::default()
@@ -72,9 +74,11 @@ fn statistics(session: &mut Session, capture: &Capture, times: &[f64]) -> Result
         .filter(|(twin, distance)| *twin && **distance < 0.0)
         .count();
     let deepest = session.engine.scene().layer(Layer::Texture).map(|row| row.maximum_level);
-    let visible = match (session.engine.drawn_geometry(), deepest) {
-        (Some(view), Some(deepest)) => visible_textures(capture, view, deepest),
-        _ => Default::default(),
+    let visible: Vec<TileAddress> = match (session.engine.drawn_geometry(), deepest) {
+        _ if session.engine.analysis().is_some() => session.engine.visible().to_vec(),
+        // The quadtree does not know what is in sight: the picture does.
+        (Some(view), Some(deepest)) => visible_textures(capture, view, deepest).into_iter().collect(),
+        _ => Vec::new(),
     };
     let requested: Map<String, Value> = session
         .engine

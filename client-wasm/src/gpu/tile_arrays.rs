@@ -63,6 +63,16 @@ impl TileArray {
         self.texture.mip_level_count()
     }
 
+    fn shape(&self, label: &'static str) -> ArrayShape {
+        ArrayShape {
+            label,
+            side: self.texture.width(),
+            mips: self.texture.mip_level_count(),
+            format: self.texture.format(),
+            usage: self.texture.usage(),
+        }
+    }
+
     /// Makes room for a slot; answers whether the array is a new one.
     fn ensure(&mut self, device: &wgpu::Device, queue: &wgpu::Queue, slot: u32) -> bool {
         let layers = self.texture.depth_or_array_layers();
@@ -73,13 +83,7 @@ impl TileArray {
         while grown <= slot {
             grown = (2 * grown).min(self.capacity.max(slot + 1));
         }
-        let shape = ArrayShape {
-            label: self.label,
-            side: self.texture.width(),
-            mips: self.texture.mip_level_count(),
-            format: self.texture.format(),
-            usage: self.texture.usage(),
-        };
+        let shape = self.shape(self.label);
         let larger = create(device, &shape, grown);
         let mut encoder =
             device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("grow tile array") });
@@ -154,6 +158,8 @@ pub struct TileArrays {
     pub heights: TileArray,
     /// Pyramids of maxima over the cells.
     pub maxima: TileArray,
+    /// Pyramids of minima over the cells, where the load map is in use ([`Self::with_minima`]).
+    pub minima: Option<TileArray>,
     /// Surface type and canopy height.
     pub surface: TileArray,
     /// Photo.
@@ -189,13 +195,21 @@ impl TileArrays {
                 TextureFormat::R32Float,
                 grows | TextureUsages::STORAGE_BINDING,
             ),
+            minima: None,
             surface: elevation("surface", surface_side, 1, TextureFormat::Rg8Uint, grows),
             photo: TileArray::new(device, photo, texture_slots),
             generation: 0,
         }
     }
 
-    /// Uploads an elevation tile into its slot; the maxima are the caller's to derive.
+    /// The same with pyramids of minima, as the load map needs them; to be said before the first upload.
+    pub fn with_minima(mut self, device: &wgpu::Device) -> Self {
+        let shape = self.maxima.shape("minima");
+        self.minima = Some(TileArray::new(device, shape, self.maxima.capacity));
+        self
+    }
+
+    /// Uploads an elevation tile into its slot; the maxima (and minima) are the caller's to derive.
     pub fn upload_elevation(
         &mut self,
         device: &wgpu::Device,
@@ -205,6 +219,9 @@ impl TileArrays {
     ) {
         let mut grown = self.heights.ensure(device, queue, slot);
         grown |= self.maxima.ensure(device, queue, slot);
+        if let Some(minima) = &mut self.minima {
+            grown |= minima.ensure(device, queue, slot);
+        }
         self.heights.write(queue, slot, bytemuck::cast_slice(&pixels.summary.heights), 4);
         if self.surface.texture.width() == ELEVATION_SIDE {
             grown |= self.surface.ensure(device, queue, slot);

@@ -116,9 +116,13 @@ impl Session {
                 return Err(HeadlessError::Tile { url, problem: failure.last.to_string() });
             }
             if under_way.is_empty() {
-                if let Some(at) = report.retry_at.filter(|&at| at > self.now) {
-                    std::thread::sleep(RETRY_PAUSE);
-                    self.now = at;
+                match report.retry_at.filter(|&at| at > self.now) {
+                    Some(at) => {
+                        std::thread::sleep(RETRY_PAUSE);
+                        self.now = at;
+                    }
+                    // A load map is on its way back.
+                    None => wait(self.engine.gpu())?,
                 }
                 continue;
             }

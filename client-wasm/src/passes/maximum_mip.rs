@@ -1,5 +1,6 @@
 //! The pyramid of maxima of a tile, derived on the GPU when the tile is uploaded.
 
+use super::flag;
 use crate::gpu::tile_arrays::TileArray;
 use treeline_shaders::{Pass, source};
 
@@ -15,8 +16,17 @@ pub struct MaximumMip {
 }
 
 impl MaximumMip {
-    /// Compiles the pass.
+    /// Compiles the pass that derives maxima.
     pub fn new(device: &wgpu::Device) -> Self {
+        Self::deriving(device, false)
+    }
+
+    /// Compiles the pass that derives minima: record it with the minima in the place of the maxima.
+    pub fn of_minima(device: &wgpu::Device) -> Self {
+        Self::deriving(device, true)
+    }
+
+    fn deriving(device: &wgpu::Device, minimum: bool) -> Self {
         let entry = |binding, ty| wgpu::BindGroupLayoutEntry {
             binding,
             visibility: wgpu::ShaderStages::COMPUTE,
@@ -59,7 +69,10 @@ impl MaximumMip {
                 layout: Some(&pipeline_layout),
                 module: &module,
                 entry_point: Some(entry),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                compilation_options: wgpu::PipelineCompilationOptions {
+                    constants: &[flag("MINIMUM", minimum)],
+                    ..Default::default()
+                },
                 cache: None,
             })
         };

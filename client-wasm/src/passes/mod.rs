@@ -1,5 +1,7 @@
 //! The passes: one file each, named as its shader. Pipelines are made when first needed.
 
+pub mod distance_pyramid;
+pub mod load_map;
 pub mod maximum_mip;
 pub mod shade;
 pub mod terrain;
@@ -33,7 +35,7 @@ pub fn frame_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
         .enumerate()
         .map(|(binding, ty)| wgpu::BindGroupLayoutEntry {
             binding: binding as u32,
-            visibility: wgpu::ShaderStages::FRAGMENT,
+            visibility: wgpu::ShaderStages::FRAGMENT | wgpu::ShaderStages::COMPUTE,
             ty,
             count: None,
         })

@@ -1,5 +1,6 @@
 //! Milliseconds by pass, where the adapter can time them. Read back some frames later; never waited for.
 
+use std::cell::Cell;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -13,9 +14,14 @@ struct Staging {
     buffer: wgpu::Buffer,
     ready: Arc<AtomicBool>,
     busy: bool,
+    /// Passes that were timed, a bit each.
+    written: u32,
 }
 
-/// Times of a fixed list of passes.
+/// Distance of two passes' times in the resolved buffer, bytes.
+const STRIDE: u64 = wgpu::QUERY_RESOLVE_BUFFER_ALIGNMENT;
+
+/// Times of a fixed list of passes (32 at most), of which a frame need not run all.
 #[derive(Debug)]
 pub struct PassTimer {
     names: &'static [&'static str],
@@ -23,6 +29,7 @@ pub struct PassTimer {
     resolved: wgpu::Buffer,
     belt: Vec<Staging>,
     current: Option<usize>,
+    written: Cell<u32>,
     nanoseconds_per_tick: f64,
     times: Vec<Vec<f64>>,
 }
@@ -30,7 +37,7 @@ pub struct PassTimer {
 impl PassTimer {
     /// For passes of these names; the device must have timestamp queries.
     pub fn new(device: &wgpu::Device, queue: &wgpu::Queue, names: &'static [&'static str]) -> Self {
-        let bytes = 16 * names.len() as u64;
+        let bytes = STRIDE * names.len() as u64;
         let buffer = |label, usage| {
             device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some(label),
@@ -43,6 +50,7 @@ impl PassTimer {
             buffer: buffer("pass times", wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST),
             ready: Arc::new(AtomicBool::new(false)),
             busy: false,
+            written: 0,
         };
         Self {
             names,
@@ -57,6 +65,7 @@ impl PassTimer {
             ),
             belt: (0..BELT).map(|_| staging()).collect(),
             current: None,
+            written: Cell::new(0),
             nanoseconds_per_tick: f64::from(queue.get_timestamp_period()),
             times: vec![Vec::new(); names.len()],
         }
@@ -70,18 +79,39 @@ impl PassTimer {
 
     /// What to give the pass at an index of the list.
     pub fn writes(&self, pass: usize) -> Option<wgpu::RenderPassTimestampWrites<'_>> {
-        self.current?;
+        let [first, last] = self.indices(pass)?;
         Some(wgpu::RenderPassTimestampWrites {
             query_set: &self.queries,
-            beginning_of_pass_write_index: Some(2 * pass as u32),
-            end_of_pass_write_index: Some(2 * pass as u32 + 1),
+            beginning_of_pass_write_index: Some(first),
+            end_of_pass_write_index: Some(last),
         })
+    }
+
+    /// The same for a compute pass.
+    pub fn compute_writes(&self, pass: usize) -> Option<wgpu::ComputePassTimestampWrites<'_>> {
+        let [first, last] = self.indices(pass)?;
+        Some(wgpu::ComputePassTimestampWrites {
+            query_set: &self.queries,
+            beginning_of_pass_write_index: Some(first),
+            end_of_pass_write_index: Some(last),
+        })
+    }
+
+    /// The pass's queries, which count as written from now on.
+    fn indices(&self, pass: usize) -> Option<[u32; 2]> {
+        self.current?;
+        self.written.set(self.written.get() | 1 << pass);
+        Some([2 * pass as u32, 2 * pass as u32 + 1])
     }
 
     /// After the last pass is recorded.
     pub fn resolve(&self, encoder: &mut wgpu::CommandEncoder) {
         let Some(current) = self.current else { return };
-        encoder.resolve_query_set(&self.queries, 0..2 * self.names.len() as u32, &self.resolved, 0);
+        // A query that nothing was written to may be waited for in vain.
+        for pass in (0..self.names.len() as u32).filter(|pass| self.written.get() >> pass & 1 == 1) {
+            let offset = STRIDE * u64::from(pass);
+            encoder.resolve_query_set(&self.queries, 2 * pass..2 * pass + 2, &self.resolved, offset);
+        }
         let staging = &self.belt[current].buffer;
         encoder.copy_buffer_to_buffer(&self.resolved, 0, staging, 0, staging.size());
     }
@@ -91,6 +121,7 @@ impl PassTimer {
         let Some(current) = self.current.take() else { return };
         let staging = &mut self.belt[current];
         staging.busy = true;
+        staging.written = self.written.take();
         let ready = Arc::clone(&staging.ready);
         staging.buffer.map_async(wgpu::MapMode::Read, .., move |result| {
             ready.store(result.is_ok(), Ordering::Release);
@@ -103,15 +134,22 @@ impl PassTimer {
                 continue;
             }
             if let Ok(range) = staging.buffer.get_mapped_range(..) {
-                let ticks: Vec<u64> = range
-                    .chunks_exact(8)
-                    .map(|bytes| bytes.iter().rev().fold(0, |value, &byte| value << 8 | u64::from(byte)))
-                    .collect();
-                for (times, pair) in self.times.iter_mut().zip(ticks.chunks_exact(2)) {
+                let tick = |offset: usize| {
+                    range[offset..offset + 8]
+                        .iter()
+                        .rev()
+                        .fold(0, |value, &byte| value << 8 | u64::from(byte))
+                };
+                for (pass, times) in self.times.iter_mut().enumerate() {
+                    if staging.written >> pass & 1 == 0 {
+                        continue;
+                    }
                     if times.len() == KEPT {
                         times.remove(0);
                     }
-                    times.push(pair[1].saturating_sub(pair[0]) as f64 * self.nanoseconds_per_tick * 1e-6);
+                    let offset = pass * STRIDE as usize;
+                    let ticks = tick(offset + 8).saturating_sub(tick(offset));
+                    times.push(ticks as f64 * self.nanoseconds_per_tick * 1e-6);
                 }
             }
             staging.buffer.unmap();

@@ -5,6 +5,7 @@
 //! [`decode`] unpacks what comes, [`residency`] finds it a slot, [`page_table`] draws.
 
 pub mod decode;
+pub mod load_map;
 pub mod page_table;
 pub mod requests;
 pub mod residency;
@@ -16,13 +17,17 @@ pub mod view;
 pub(crate) mod simulation;
 
 use decode::ElevationSummary;
+use glam::DVec3;
+use load_map::stack::{Stack, StackOptions};
+use load_map::{Analysis, Depths, Reading};
 use page_table::{ElevationInput, FitCache, Tables};
 use requests::{Failure, FetchFailure, Plan, Requests, TileKey, Wish};
 use residency::{Placement, Pool};
 use root_grid::RootGrid;
 use std::collections::{HashMap, HashSet};
-use tile_choice::Cut;
 use tile_choice::cpu::{self, HeightRange, Limits};
+use tile_choice::{Cut, TileChoice};
+use treeline_core::hash::hash;
 use treeline_core::layer::Layer;
 use treeline_core::scene::SceneDescription;
 use treeline_core::tile::{GeographicBox, TileAddress};
@@ -43,6 +48,8 @@ pub enum SurfaceChoice {
 pub struct StreamOptions {
     /// Which elevation.
     pub surface: SurfaceChoice,
+    /// Who chooses the tiles.
+    pub tile_choice: TileChoice,
     /// Slots for elevation tiles.
     pub elevation_slots: u32,
     /// Slots for photo tiles.
@@ -61,6 +68,7 @@ impl Default for StreamOptions {
     fn default() -> Self {
         Self {
             surface: SurfaceChoice::Combined,
+            tile_choice: TileChoice::default(),
             elevation_slots: 96,
             texture_slots: 160,
             cell_pixels: 1.42,
@@ -75,6 +83,28 @@ impl Default for StreamOptions {
 const BASE_ATTEMPTS: u32 = 6;
 /// With more roots than this (a planet), only those in view are wanted of the photo.
 const PINNED_TEXTURES: usize = 16;
+
+/// The threshold on texels grows and shrinks by this factor where slots run out.
+const THRESHOLD_STEP: f64 = 1.25;
+/// Of the slots: above this share of wanted tiles the threshold grows, below the other it shrinks again.
+const CROWDED: f64 = 0.95;
+const ROOMY: f64 = 0.5;
+/// The threshold grows by no more than this: one tile for the whole scene.
+const LARGEST_THRESHOLD: f64 = 4096.0;
+
+/// What the choice by the Tile Load Map keeps.
+#[derive(Debug)]
+struct MapChoice {
+    analysis: Analysis,
+    /// Deepest level of any layer.
+    deepest: u8,
+    /// The scene's seed, where it has vegetation.
+    vegetation: Option<u32>,
+    /// How many times coarser than asked for, so that all that is in sight finds a slot.
+    threshold: f64,
+    texel_pixels: f64,
+    scratch: Vec<(f64, TileAddress)>,
+}
 
 /// One layer's tiles.
 #[derive(Debug)]
@@ -96,6 +126,7 @@ pub struct Stream {
     heights: (f64, f64),
     elevation: LayerStream,
     texture: Option<LayerStream>,
+    map: Option<MapChoice>,
     summaries: HashMap<TileAddress, ElevationSummary>,
     requests: Requests,
     arrived: HashSet<TileKey>,
@@ -104,6 +135,8 @@ pub struct Stream {
     fade_seconds: f64,
     fading: bool,
     drawn_ready: bool,
+    /// [`Self::signature`] of the last tables.
+    drawn_signature: u64,
 }
 
 /// Why a scene cannot be streamed.
@@ -153,11 +186,27 @@ impl Stream {
             pool: Pool::new(options.texture_slots.max(2 * PINNED_TEXTURES as u32)),
             cut: Cut::default(),
         });
+        let map = (options.tile_choice == TileChoice::LoadMap).then(|| {
+            let depths = Depths {
+                texture: texture.as_ref().map(|texture| texture.maximum_level),
+                elevation: elevation.maximum_level,
+                land_cover: scene.land_cover.filter(|_| scene.vegetation),
+            };
+            MapChoice {
+                analysis: Analysis::new(depths),
+                deepest: elevation.maximum_level.max(depths.texture.unwrap_or(0)),
+                vegetation: depths.land_cover.map(|_| scene.seed),
+                threshold: 1.0,
+                texel_pixels: options.texel_pixels,
+                scratch: Vec::new(),
+            }
+        });
         Ok(Self {
             grid,
             heights: (scene.minimum_height, scene.maximum_height.max(scene.minimum_height)),
             elevation,
             texture,
+            map,
             summaries: HashMap::new(),
             requests: Requests::new(options.requests_in_flight),
             arrived: HashSet::new(),
@@ -166,6 +215,7 @@ impl Stream {
             fade_seconds: options.fade_seconds.max(0.0),
             fading: false,
             drawn_ready: false,
+            drawn_signature: 0,
         })
     }
 
@@ -184,35 +234,139 @@ impl Stream {
         (self.elevation.pool.capacity(), self.texture.as_ref().map_or(0, |texture| texture.pool.capacity()))
     }
 
-    /// Chooses the tiles that the view wants.
+    /// Chooses the tiles that the view wants: by the map last read, or by the quadtree.
     pub fn choose(&mut self, view: &ViewGeometry) {
-        let lowest_height = self.heights.0;
-        let cut = {
-            let layer = &self.elevation;
-            let limits = Limits {
-                base: &layer.base,
-                maximum_level: layer.maximum_level,
-                cell_pixels: layer.cell_pixels,
-                capacity: layer.pool.capacity(),
-                lowest_height,
+        let texture_base = self.texture.as_ref().map(|layer| self.base(view, layer));
+        if let Some(mut map) = self.map.take() {
+            self.choose_by_map(&mut map, texture_base.as_deref());
+            self.map = Some(map);
+        } else {
+            self.elevation.cut = self.choose_by_quadtree(view, &self.elevation, &self.elevation.base);
+            let cut = match (&self.texture, &texture_base) {
+                (Some(layer), Some(base)) => self.choose_by_quadtree(view, layer, base),
+                _ => return,
             };
-            cpu::choose(view, &limits, |address| self.range(address, &layer.extent))
-        };
-        self.elevation.cut = cut;
-        let Some(layer) = &self.texture else { return };
-        let base =
-            if layer.base.len() > PINNED_TEXTURES { self.seen(view, layer) } else { layer.base.clone() };
+            if let Some(layer) = &mut self.texture {
+                layer.cut = cut;
+            }
+        }
+    }
+
+    fn choose_by_quadtree(&self, view: &ViewGeometry, layer: &LayerStream, base: &[TileAddress]) -> Cut {
         let limits = Limits {
-            base: &base,
+            base,
             maximum_level: layer.maximum_level,
             cell_pixels: layer.cell_pixels,
             capacity: layer.pool.capacity(),
-            lowest_height,
+            lowest_height: self.heights.0,
         };
-        let cut = cpu::choose(view, &limits, |address| self.range(address, &layer.extent));
-        if let Some(layer) = &mut self.texture {
-            layer.cut = cut;
+        cpu::choose(view, &limits, |address| self.range(address, &layer.extent))
+    }
+
+    fn choose_by_map(&mut self, map: &mut MapChoice, texture_base: Option<&[TileAddress]>) {
+        let mut cut = std::mem::take(&mut self.elevation.cut);
+        let layer = &self.elevation;
+        let (extent, pool) = (layer.extent, &layer.pool);
+        let chosen = tile_choice::load_map::Layer { base: &layer.base, pool, capacity: pool.capacity() };
+        let has = |address| self.range(address, &extent) != HeightRange::Empty;
+        tile_choice::load_map::choose(&mut cut, &map.analysis.elevation, &chosen, &mut map.scratch, has);
+        self.elevation.cut = cut;
+        let Some((layer, base)) = self.texture.as_mut().zip(texture_base) else { return };
+        let mut cut = std::mem::take(&mut layer.cut);
+        let (extent, pool) = (layer.extent, &layer.pool);
+        let chosen = tile_choice::load_map::Layer { base, pool, capacity: pool.capacity() };
+        let has = |address: TileAddress| extent.intersects(&address.bounds());
+        tile_choice::load_map::choose(&mut cut, &map.analysis.texture, &chosen, &mut map.scratch, has);
+        layer.cut = cut;
+    }
+
+    /// The stack of maps of a view; `None` where the quadtree chooses. `look_ahead`: where the eye will be when
+    /// what is asked for now has come, metres from it (east-north-up).
+    pub fn stack(&self, view: &ViewGeometry, look_ahead: Option<DVec3>) -> Option<Stack> {
+        let map = self.map.as_ref()?;
+        let options = StackOptions {
+            deepest: map.deepest,
+            texel_pixels: map.texel_pixels * map.threshold,
+            heights: self.heights,
+            vegetation: map.vegetation,
+            look_ahead,
+        };
+        Some(Stack::new(view, &self.grid, &options))
+    }
+
+    /// Takes in a map that was read back (`moves`: the camera moved since the last one), and chooses
+    /// anew. Answers whether tiles that are here are drawn now, or no longer.
+    pub fn read_map(
+        &mut self,
+        now: f64,
+        view: &ViewGeometry,
+        stack: &Stack,
+        reading: Reading<'_>,
+        moves: bool,
+    ) -> bool {
+        let Some(map) = &mut self.map else { return false };
+        let (elevation, texture) = (&self.elevation.pool, self.texture.as_ref().map(|layer| &layer.pool));
+        let has_elevation = |address: &TileAddress| elevation.is_known(address);
+        let has_texture = |address: &TileAddress| texture.is_some_and(|pool| pool.is_known(address));
+        map.analysis.read(now, stack, reading, moves, [&has_texture, &has_elevation]);
+        self.choose(view);
+        let crowding = self.crowding();
+        let Some(map) = &mut self.map else { return false };
+        if crowding > CROWDED && map.threshold < LARGEST_THRESHOLD {
+            map.threshold *= THRESHOLD_STEP;
+        } else if crowding < ROOMY && map.threshold > 1.0 && moves {
+            map.threshold = (map.threshold / THRESHOLD_STEP).max(1.0);
         }
+        self.drawn_changes()
+    }
+
+    /// Whether other tiles would be drawn now than in the last frame.
+    fn drawn_changes(&self) -> bool {
+        self.signature() != self.drawn_signature
+    }
+
+    /// Stands for the set of tiles that are wanted and here.
+    fn signature(&self) -> u64 {
+        let layers = std::iter::once(&self.elevation).chain(&self.texture).enumerate();
+        layers.fold(0, |sum, (index, layer)| {
+            let drawn = layer.cut.nodes.keys().filter(|address| layer.pool.resident(address).is_some());
+            drawn.fold(sum, |sum: u64, address| {
+                let place = u64::from(hash(address.row, address.column, u32::from(address.level)));
+                sum.wrapping_add((place + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15 + 2 * index as u64))
+            })
+        })
+    }
+
+    /// Tiles wanted over slots, of the layer where it is largest.
+    fn crowding(&self) -> f64 {
+        let Some(map) = &self.map else { return 0.0 };
+        let share = |wanted: usize, layer: &LayerStream| {
+            (wanted + layer.base.len().min(PINNED_TEXTURES)) as f64 / layer.pool.capacity() as f64
+        };
+        let elevation = share(map.analysis.elevation.current().len(), &self.elevation);
+        let texture = self.texture.as_ref();
+        texture.map_or(0.0, |layer| share(map.analysis.texture.current().len(), layer)).max(elevation)
+    }
+
+    /// The tiles of the ground in sight by the last map, each on the level that it wants.
+    pub fn visible(&self) -> &[TileAddress] {
+        self.map.as_ref().map_or(&[], |map| map.analysis.visible())
+    }
+
+    /// How many times coarser than asked for tiles are wanted, so that all in sight find a slot; `None` where
+    /// the quadtree chooses.
+    pub fn threshold(&self) -> Option<f64> {
+        self.map.as_ref().map(|map| map.threshold)
+    }
+
+    /// The lists of the last map; `None` where the quadtree chooses.
+    pub fn analysis(&self) -> Option<&Analysis> {
+        self.map.as_ref().map(|map| &map.analysis)
+    }
+
+    /// A layer's tiles that are always wanted. With very many roots (a planet), of the photo only those in view.
+    fn base(&self, view: &ViewGeometry, layer: &LayerStream) -> Vec<TileAddress> {
+        if layer.base.len() > PINNED_TEXTURES { self.seen(view, layer) } else { layer.base.clone() }
     }
 
     /// The base tiles of a layer that may be seen, nearest first, no more than there is room for.
@@ -266,8 +420,8 @@ impl Stream {
                 }
                 let base = address.level <= layer.base.first().map_or(0, |tile| tile.level);
                 // Shape before colour: nothing can be drawn without the coarsest elevation.
-                let first = if base && layer.layer.is_elevation() { 1e9 } else { 0.0 };
-                let second = if base { 1e6 } else { 0.0 };
+                let first = if base && layer.layer.is_elevation() { 1e18 } else { 0.0 };
+                let second = if base { 1e15 } else { 0.0 };
                 self.wishes.push(Wish { key, priority: first + second + node.error });
             }
         }
@@ -346,6 +500,7 @@ impl Stream {
 
     /// The page tables of a frame at `now` seconds.
     pub fn tables(&mut self, view: &ViewGeometry, now: f64) -> Tables {
+        self.drawn_signature = self.signature();
         let wanted = |layer: &LayerStream| layer.cut.nodes.keys().copied().collect::<Vec<_>>();
         let keys = wanted(&self.elevation);
         self.elevation.pool.begin_frame(keys.iter());
@@ -412,7 +567,9 @@ impl Stream {
 
     /// Whether slots ran out before every tile was as fine as allowed.
     pub fn is_limited(&self) -> bool {
-        self.elevation.cut.limited || self.texture.as_ref().is_some_and(|texture| texture.cut.limited)
+        self.elevation.cut.limited
+            || self.texture.as_ref().is_some_and(|texture| texture.cut.limited)
+            || self.threshold().is_some_and(|threshold| threshold > 1.0)
     }
 
     /// What the CPU keeps of a resident elevation tile.

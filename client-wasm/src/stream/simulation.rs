@@ -2,6 +2,7 @@
 
 use super::decode::ElevationSummary;
 use super::requests::{FetchFailure, RequestId, TileKey};
+use super::tile_choice::TileChoice;
 use super::view::ViewGeometry;
 use super::{Stream, StreamOptions};
 use std::collections::{BTreeMap, HashSet};
@@ -44,6 +45,11 @@ pub fn scene() -> SceneDescription {
         camera: camera(0.0),
         places: vec![],
     }
+}
+
+/// Without a GPU the quadtree chooses.
+fn options() -> StreamOptions {
+    StreamOptions { tile_choice: TileChoice::Cpu, ..StreamOptions::default() }
 }
 
 fn camera(path: f64) -> GeographicCamera {
@@ -201,7 +207,7 @@ fn view(path: f64) -> ViewGeometry {
 
 #[test]
 fn a_bad_link_settles_to_what_a_good_one_does_without_a_hole() {
-    let options = StreamOptions::default();
+    let options = options();
     let mut good = Simulation::new(Link::new(1e9, 0.0, 0), &options);
     let mut bad = Simulation::new(Link::new(125_000.0, 0.2, 10), &options);
     for path in [0.0, 0.4, 1.0] {
@@ -216,7 +222,7 @@ fn a_bad_link_settles_to_what_a_good_one_does_without_a_hole() {
 
 #[test]
 fn a_flight_over_a_slow_link_with_few_slots_never_shows_a_hole() {
-    let options = StreamOptions { elevation_slots: 24, texture_slots: 32, ..StreamOptions::default() };
+    let options = StreamOptions { elevation_slots: 24, texture_slots: 32, ..options() };
     let mut flight = Simulation::new(Link::new(400_000.0, 0.2, 7), &options);
     for step in 0..300 {
         flight.frame(&view(f64::from(step) / 300.0));
@@ -231,7 +237,7 @@ fn a_flight_over_a_slow_link_with_few_slots_never_shows_a_hole() {
 
 #[test]
 fn a_settled_view_asks_for_nothing_more() {
-    let mut simulation = Simulation::new(Link::new(1e9, 0.0, 0), &StreamOptions::default());
+    let mut simulation = Simulation::new(Link::new(1e9, 0.0, 0), &options());
     simulation.settle(&view(0.3), 60.0);
     let asked = simulation.link.asked;
     for _ in 0..20 {
@@ -243,7 +249,7 @@ fn a_settled_view_asks_for_nothing_more() {
 
 #[test]
 fn tiles_fade_in_over_what_stood_there() {
-    let mut simulation = Simulation::new(Link::new(300_000.0, 0.05, 0), &StreamOptions::default());
+    let mut simulation = Simulation::new(Link::new(300_000.0, 0.05, 0), &options());
     let mut fades = 0;
     for _ in 0..200 {
         if let Some(picture) = simulation.frame(&view(0.0)) {
@@ -258,7 +264,7 @@ fn tiles_fade_in_over_what_stood_there() {
 fn bare_terrain_where_nothing_grows_or_where_it_is_asked_for() {
     let mut scene = scene();
     let layer = |scene: &SceneDescription, surface| {
-        Stream::new(scene, &StreamOptions { surface, ..StreamOptions::default() }).unwrap().elevation_layer()
+        Stream::new(scene, &StreamOptions { surface, ..options() }).unwrap().elevation_layer()
     };
     assert_eq!(layer(&scene, super::SurfaceChoice::Combined), Layer::CombinedElevation);
     assert_eq!(layer(&scene, super::SurfaceChoice::Elevation), Layer::Elevation);

@@ -6,7 +6,13 @@
 
 pub mod crown_light;
 pub mod crowns;
+pub mod distance_pyramid;
 pub mod height_field;
+pub mod load_map;
+pub mod load_map_box;
+pub mod load_map_cells;
+pub mod load_map_pixels;
+pub mod load_map_place;
 pub mod max_mip;
 pub mod maximum_mip;
 pub mod page_table;

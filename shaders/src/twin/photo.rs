@@ -9,6 +9,8 @@ pub const PHOTO_CELLS: f32 = 512.0;
 pub const PHOTO_BORDER: f32 = 4.0;
 const TEXELS_PER_FOOTPRINT: f32 = 1.42;
 const LEVEL_0_TEXEL: f32 = 39_135.76;
+/// Part of a level, from its far end, over which it comes in over the coarser one.
+pub const PHOTO_BLEND: f32 = 0.25;
 
 /// A page that has colours.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -44,7 +46,8 @@ pub fn root_entry(view: &View, grid: UVec2) -> u32 {
     root.y * view.root_size[0] + root.x
 }
 
-/// The pages at a place, none deeper than the level `deepest`.
+/// The pages at a place: `fine` is of level `deepest` where that is resident, else the next finer one, else
+/// the nearest coarser one.
 pub fn photo_pages(view: &View, texture_pages: &[TexturePage], grid: UVec2, deepest: u32) -> PhotoPages {
     let nothing = PhotoPage { slot: EMPTY, level: 0, fade: 0.0 };
     let mut pages = PhotoPages { fine: nothing, coarse: nothing };
@@ -59,7 +62,8 @@ pub fn photo_pages(view: &View, texture_pages: &[TexturePage], grid: UVec2, deep
             pages.coarse = pages.fine;
             pages.fine = PhotoPage { slot: page.slot, level, fade: f32::from_bits(page.fade) };
         }
-        if page.children == EMPTY || level >= deepest || depth == ROOT_BITS {
+        let enough = level >= deepest && pages.fine.slot != EMPTY && pages.fine.level >= deepest;
+        if page.children == EMPTY || enough || depth == ROOT_BITS {
             break;
         }
         let quadrant = (grid >> (ROOT_BITS - 1 - depth)) & 1;
@@ -88,8 +92,8 @@ pub fn photo_blend(
     let deepest = wanted.ceil();
     let pages = photo_pages(view, texture_pages, grid, deepest as u32);
     let mut share = pages.fine.fade;
-    if pages.fine.level as f32 >= deepest {
-        share *= (1.0 - (deepest - wanted)).clamp(0.0, 1.0);
+    if pages.fine.level as f32 == deepest && pages.coarse.level + 1 == pages.fine.level {
+        share *= ((wanted - (deepest - 1.0)) / PHOTO_BLEND).clamp(0.0, 1.0);
     }
     if pages.coarse.slot == EMPTY {
         share = 1.0;
@@ -138,6 +142,10 @@ mod tests {
         assert_eq!(slots(0.6, 0.6, 12), (3, 10, 2));
         assert_eq!(slots(0.6, 0.6, 9), (2, 9, 0), "no deeper than asked for");
         assert_eq!(slots(1.5, 0.6, 12), (1, 8, EMPTY));
+        let mut sparse = pages();
+        sparse[5].slot = EMPTY;
+        let found = photo_pages(&view(), &sparse, in_root(0.6, 0.6), 9);
+        assert_eq!((found.fine.level, found.coarse.level), (10, 8), "finer, where the level is missing");
         assert_eq!(slots(2.5, 0.6, 12), (EMPTY, 0, EMPTY), "outside the root grid");
     }
 
@@ -171,7 +179,7 @@ mod tests {
                 share * found.fine.level as f32 + (1.0 - share) * coarse as f32
             };
             let step = (mean_level(log_footprint) - mean_level(log_footprint + 0.01)).abs();
-            prop_assert!(step < 0.02, "{step}");
+            prop_assert!(step < 0.05, "{step}");
         }
 
         #[test]

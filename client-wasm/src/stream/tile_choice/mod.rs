@@ -1,9 +1,20 @@
 //! Which tiles a view wants.
 
 pub mod cpu;
+pub mod load_map;
 
 use std::collections::HashMap;
 use treeline_core::tile::TileAddress;
+
+/// Who chooses the tiles.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum TileChoice {
+    /// The Tile Load Map: the GPU says what is in sight, and the answer is read back.
+    #[default]
+    LoadMap,
+    /// A quadtree refined on the CPU by screen-space error, without occlusion.
+    Cpu,
+}
 
 /// A layer's tiles that a view wants: a quadtree, cut where it is fine enough.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -1,0 +1,170 @@
+//! Tile choice by the Tile Load Map: what the map names, with what stands in for it meanwhile.
+
+use super::{Cut, CutNode};
+use crate::stream::load_map::lists::{Named, TileList};
+use crate::stream::residency::Pool;
+use treeline_core::tile::TileAddress;
+
+/// A tile is asked for at most this many levels below the one that is drawn in its place: the picture
+/// gets finer step by step, and what a coarse surface does not hide after all is not asked for in vain.
+const LEVELS_AT_ONCE: u8 = 3;
+/// Largest error that counts: that many levels too coarse.
+const MOST_LEVELS: i32 = 6;
+/// What a tile counts for that only the eye's next place wants.
+const AHEAD_WEIGHT: f64 = 0.05;
+
+/// What a layer may ask for.
+pub struct Layer<'a> {
+    /// Tiles that are always wanted.
+    pub base: &'a [TileAddress],
+    /// What is resident.
+    pub pool: &'a Pool,
+    /// Never more tiles than this (base tiles excepted).
+    pub capacity: usize,
+}
+
+/// Makes the cut of a layer from its list, in the memory of the last one. `has` says whether there may
+/// be anything in a square at all.
+pub fn choose(
+    cut: &mut Cut,
+    list: &TileList,
+    layer: &Layer<'_>,
+    scratch: &mut Vec<(f64, TileAddress)>,
+    has: impl Fn(TileAddress) -> bool,
+) {
+    cut.nodes.clear();
+    cut.limited = false;
+    for &address in layer.base {
+        cut.nodes.insert(address, CutNode { split: false, error: 0.0 });
+    }
+    scratch.clear();
+    scratch.extend(list.current().iter().filter(|named| has(named.address)).map(|named| step(named, layer)));
+    scratch.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then_with(|| a.1.cmp(&b.1)));
+    for &(error, address) in scratch.iter() {
+        // Until it comes, the finest that is there is drawn in its place, and so must stay.
+        let stand_in = if layer.pool.is_known(&address) { None } else { layer.pool.nearest(address) };
+        let new = [Some((address, error)), stand_in.map(|(tile, _)| (tile, 0.0))];
+        let missing = new.iter().flatten().filter(|(tile, _)| !cut.nodes.contains_key(tile)).count();
+        if cut.nodes.len() + missing > layer.capacity {
+            cut.limited = true;
+            break;
+        }
+        for (tile, error) in new.into_iter().flatten() {
+            let node = cut.nodes.entry(tile).or_insert(CutNode { split: false, error });
+            node.error = node.error.max(error);
+        }
+    }
+    mark_split(cut, scratch);
+}
+
+/// What is asked for now on the way to a tile, and how much it matters: pixels times how many times too
+/// coarse they are drawn.
+fn step(named: &Named, layer: &Layer<'_>) -> (f64, TileAddress) {
+    let wanted = named.address;
+    let drawn = layer.pool.nearest(wanted).map_or(0, |(tile, _)| tile.level);
+    let known = layer.pool.is_known(&wanted);
+    let error = f64::from((i32::from(wanted.level) - i32::from(drawn)).min(MOST_LEVELS)).exp2();
+    let weight = if named.ahead { AHEAD_WEIGHT } else { 1.0 };
+    // A tile of which only a corner shows has no pixel's centre, and still counts.
+    let priority = (f64::from(named.pixels) + 0.5) * error * weight;
+    let level = if known { wanted.level } else { wanted.level.min(drawn.saturating_add(LEVELS_AT_ONCE)) };
+    (priority, wanted.ancestor(level).unwrap_or(wanted))
+}
+
+/// Marks the tiles that have others below them.
+fn mark_split(cut: &mut Cut, scratch: &mut Vec<(f64, TileAddress)>) {
+    scratch.clear();
+    scratch.extend(cut.nodes.keys().map(|&address| (0.0, address)));
+    for &(_, address) in scratch.iter() {
+        let mut next = address.parent();
+        while let Some(ancestor) = next {
+            if let Some(node) = cut.nodes.get_mut(&ancestor) {
+                if node.split {
+                    break;
+                }
+                node.split = true;
+            }
+            next = ancestor.parent();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stream::load_map::lists::Hold;
+    use std::collections::HashSet;
+
+    fn chosen(pool: &Pool, list: &TileList, base: &[TileAddress], capacity: usize) -> Cut {
+        let mut cut = Cut::default();
+        choose(&mut cut, list, &Layer { base, pool, capacity }, &mut Vec::new(), |_| true);
+        cut
+    }
+
+    fn list(tiles: &[(TileAddress, u32)]) -> TileList {
+        let mut list = TileList::default();
+        for &(address, pixels) in tiles {
+            list.name(address, pixels, false, 0.0);
+        }
+        list.end(Hold::Clears, |_| true);
+        list
+    }
+
+    fn hold(pool: &mut Pool, tile: TileAddress) {
+        pool.place(tile, &HashSet::from([tile]));
+    }
+
+    #[test]
+    fn the_way_down_is_taken_in_steps_and_what_is_drawn_stays() {
+        let deep = TileAddress::at(17, 11.0, 47.0);
+        let base = deep.ancestor(10).unwrap();
+        let mut pool = Pool::new(32);
+        hold(&mut pool, base);
+        let list = list(&[(deep, 9)]);
+        for level in [13, 16, 17] {
+            let cut = chosen(&pool, &list, &[base], 32);
+            let next = deep.ancestor(level).unwrap();
+            assert!(cut.nodes.contains_key(&next) && cut.is_split(&base) && !cut.is_split(&next));
+            let drawn = pool.nearest(deep).unwrap().0;
+            assert!(cut.nodes.contains_key(&drawn), "{drawn} is drawn meanwhile");
+            assert!(cut.nodes.len() <= 3);
+            hold(&mut pool, next);
+        }
+        assert_eq!(chosen(&pool, &list, &[base], 32).nodes.len(), 2, "nothing stands in any more");
+    }
+
+    #[test]
+    fn where_slots_run_out_the_most_visible_stay() {
+        let base = TileAddress::at(12, 11.0, 47.0);
+        let mut pool = Pool::new(8);
+        hold(&mut pool, base);
+        let below: Vec<TileAddress> = base.children().iter().flat_map(TileAddress::children).collect();
+        let tiles: Vec<(TileAddress, u32)> = below.iter().copied().zip(0..).collect();
+        let cut = chosen(&pool, &list(&tiles), &[base], 8);
+        assert!(cut.limited && cut.nodes.len() == 8);
+        assert!(below[9..].iter().all(|tile| cut.nodes.contains_key(tile)));
+    }
+
+    #[test]
+    fn a_large_error_on_few_pixels_waits_for_a_small_one_on_many() {
+        let base = TileAddress::at(10, 11.0, 47.0);
+        let mut pool = Pool::new(64);
+        hold(&mut pool, base);
+        let near = base.children()[0];
+        let far = base.children()[3].children()[1].children()[0];
+        let cut = chosen(&pool, &list(&[(near, 1_000), (far, 10)]), &[base], 64);
+        assert!(cut.nodes[&near].error > cut.nodes[&far].error);
+    }
+
+    #[test]
+    fn nothing_is_asked_for_where_there_is_nothing() {
+        let base = TileAddress::at(10, 11.0, 47.0);
+        let mut pool = Pool::new(64);
+        hold(&mut pool, base);
+        let tiles = list(&[(base.children()[0], 3), (base.children()[1], 3)]);
+        let mut cut = Cut::default();
+        let layer = Layer { base: &[base], pool: &pool, capacity: 64 };
+        choose(&mut cut, &tiles, &layer, &mut Vec::new(), |tile| tile != base.children()[1]);
+        assert_eq!(cut.nodes.len(), 2);
+    }
+}
