@@ -10,7 +10,7 @@ use super::geotiff::cache::{MakerCache, Weigh};
 use super::placement::Placement;
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 use treeline_core::grid::{LatticeWindow, Registration};
 use treeline_core::tile::{self, GeographicBox};
@@ -149,6 +149,12 @@ impl<T: Sample> CoarseLattice<T> {
     }
 }
 
+/// Threads to make blocks with. Asking the system reads files, and there are many rows.
+fn threads() -> usize {
+    static COUNT: OnceLock<usize> = OnceLock::new();
+    *COUNT.get_or_init(|| std::thread::available_parallelism().map_or(1, |count| count.get().min(THREADS)))
+}
+
 /// Samples of a level in a raster's box.
 pub fn samples_in(bounds: &GeographicBox, level: u8) -> f64 {
     let step = tile::span_degrees(level) / f64::from(tile::CELLS);
@@ -190,6 +196,29 @@ impl<T: Sample> Job<'_, T> {
         self.placement.may_touch(west, south.clamp(-90.0, 90.0), east, north.clamp(-90.0, 90.0))
     }
 
+    /// Whether a small window surely lies beside the raster. The raster's box in degrees may be far larger
+    /// than the raster: a strip across it, or a projection that does not reach all of it.
+    fn lies_outside(&self, window: &LatticeWindow) -> bool {
+        const POINTS: u32 = 5;
+        let bounds = window.pixel_box();
+        let (mut least, mut most) = ((f64::INFINITY, f64::INFINITY), (f64::NEG_INFINITY, f64::NEG_INFINITY));
+        for index in 0..POINTS * POINTS {
+            let share = |index: u32| f64::from(index) / f64::from(POINTS - 1);
+            let longitude = bounds.west + share(index % POINTS) * (bounds.east - bounds.west);
+            let latitude = bounds.north + share(index / POINTS) * (bounds.south - bounds.north);
+            let Ok((u, v)) = self.placement.exact_pixel(longitude, latitude) else { return false };
+            least = (least.0.min(u), least.1.min(v));
+            most = (most.0.max(u), most.1.max(v));
+        }
+        // What bulges between the points.
+        let spare = (0.05 * (most.0 - least.0) + 2.0, 0.05 * (most.1 - least.1) + 2.0);
+        let (width, height) = self.placement.size();
+        most.0 < -spare.0
+            || most.1 < -spare.1
+            || least.0 > f64::from(width) + spare.0
+            || least.1 > f64::from(height) + spare.1
+    }
+
     /// Columns of a row's blocks that may hold data and are not held yet, wrapped.
     fn missing(&self, level: u8, row: i64, columns: Range<i64>) -> Vec<i64> {
         let turn_blocks = turn_and_height(level).0 / SIDE;
@@ -228,7 +257,7 @@ impl<T: Sample> Job<'_, T> {
                 }
             }
         };
-        let threads = std::thread::available_parallelism().map_or(1, |count| count.get().min(THREADS));
+        let threads = threads();
         // Threads of our own: see `Summary::build`.
         std::thread::scope(|scope| {
             for _ in 1..threads.min(missing.len()) {
@@ -276,8 +305,11 @@ impl<T: Sample> Job<'_, T> {
         self.cache(level).get((column, row), || {
             let mut samples = Vec::new();
             if level == self.lattice.finest {
-                samples.resize((SIDE * SIDE) as usize, T::NOTHING);
-                (self.make)(&self.window(level, column, row), &mut samples)?;
+                let window = self.window(level, column, row);
+                if !self.lies_outside(&window) {
+                    samples.resize((SIDE * SIDE) as usize, T::NOTHING);
+                    (self.make)(&window, &mut samples)?;
+                }
             } else {
                 for (quarter, (x, y)) in [(0, 0), (1, 0), (0, 1), (1, 1)].into_iter().enumerate() {
                     let below = self.block(level + 1, 2 * column + x, 2 * row + y)?;

@@ -31,7 +31,7 @@ const KEPT_BELOW: u8 = 2;
 /// without overviews the coarse levels are means of part of the pixels.
 const MAXIMUM_LATTICE_SAMPLES: f64 = 4.0e9;
 /// And for each of its pixels: more are samples of a raster whose pixels are far from square.
-const MAXIMUM_SAMPLES_PER_PIXEL: f64 = 32.0;
+const MAXIMUM_SAMPLES_PER_PIXEL: f64 = 16.0;
 /// Sums are whole numbers of this part, so that they do not depend on the order of summation.
 const PARTS: f32 = 256.0;
 /// A float of this magnitude has no fraction bits: adding it rounds to a whole number, found in its bits.
@@ -201,6 +201,10 @@ impl RasterColour {
 
     /// A window of an image's coarse lattice.
     fn kept(&self, image: usize, window: &LatticeWindow, out: &mut [[u8; 4]]) -> Result<(), SourceError> {
+        // What claims to be large and cannot be read is told before any work on it: its middle is needed anyway.
+        let source = &self.raster.images[image];
+        let middle = Rect { x: source.layout.width / 2, y: source.layout.height / 2, width: 1, height: 1 };
+        self.rule.read(source, middle).map_err(|problem| self.raster.read_error(problem))?;
         let averaged = self.averaged_level(image);
         let lattice = self.coarse[image]
             .get_or_init(|| CoarseLattice::new(Registration::Cell, averaged.saturating_sub(KEPT_BELOW)));
