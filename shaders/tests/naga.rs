@@ -46,7 +46,10 @@ fn structs_are_laid_out_alike_on_both_sides() {
     compare(&module, table);
 }
 
-fn compare<const N: usize>(module: &Module, table: [(&str, usize, Vec<(&str, usize)>); N]) {
+/// A struct's name and size, and its members' names and offsets.
+type Layout = (&'static str, usize, Vec<(&'static str, usize)>);
+
+fn compare<const N: usize>(module: &Module, table: [Layout; N]) {
     for (name, size, fields) in table {
         let (_, found) = module
             .types

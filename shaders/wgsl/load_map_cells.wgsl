@@ -158,10 +158,36 @@ fn level_marks(range: vec2<f32>) -> u32 {
     return ((2u << finest) - (1u << coarsest)) << MARK_LEVELS;
 }
 
+// Boxes that a thread tests at most: all parts of a sub-cell are 273.
+const PART_LIMIT: u32 = 300u;
 // Pixels by which f32 may be off in the picture.
 const PICTURE_SLACK: f32 = 0.05;
 
-// What a sub-cell adds to its cell's marks.
+// Each sub-cell whose box may show is tested again in so many parts a side, and those that may show once more.
+const PARTS: u32 = 4u;
+
+// A square of a sub-cell: its side is the sub-cell's over `PARTS`, `depth` times.
+struct Part {
+    grid: vec2<u32>,
+    depth: u32,
+}
+
+// The box of a square of the grid in a cell; its pad is negative where nothing is there.
+fn part_box(map: u32, place: vec2<u32>, corner: vec2<u32>, part: Part) -> GroundBox {
+    let bits = cell_bits(map);
+    let side = max((1u << bits) >> (3u + (2u * part.depth)), 1u);
+    let range = heights_over(part.grid, side);
+    if range.x > range.y {
+        var nothing: GroundBox;
+        nothing.pad = -1.0;
+        return nothing;
+    }
+    let unit = 1.0 / f32(1u << bits);
+    let low = vec2<f32>(place) + (vec2<f32>(part.grid - corner) * unit);
+    return ground_box(map, low, low + (f32(side) * unit), range);
+}
+
+// What a box adds to its cell's marks.
 fn marks_of_box(map: u32, box: GroundBox, marks: u32) -> u32 {
     let band = stack.levels[map].band;
     let range = distance_range(box, vec3<f32>(0.0));
@@ -169,16 +195,22 @@ fn marks_of_box(map: u32, box: GroundBox, marks: u32) -> u32 {
     var found = 0u;
     if rectangle.x <= rectangle.z && !outside_picture(box, vec3<f32>(0.0), 1.0) {
         let wanted = vec2<f32>(max(range.x, band.x), min(range.y, band.y));
+        // What a box adds does not depend on which others came before it: only the search is saved.
+        let own = (1u << (MARK_LEVELS + map)) | radial_mark(wanted.x) | MARK_WANTED;
         // Bands hold their near end only.
-        if (marks & MARK_WANTED) == 0u && wanted.x <= wanted.y && wanted.x < band.y && shows(rectangle, wanted, true) {
-            found = (1u << (MARK_LEVELS + map)) | radial_mark(wanted.x) | MARK_WANTED;
+        let holds = wanted.x <= wanted.y && wanted.x < band.y;
+        if holds && (own & ~marks) != 0u && shows(rectangle, wanted, true) {
+            found = own;
         }
         let near = vec2<f32>(range.x, min(range.y, RADIAL_METRES.z));
-        if map == stack.pattern_map && near.x < near.y && shows(rectangle, near, true) {
-            found |= level_marks(near) | radial_mark(near.x);
+        if map == stack.pattern_map && near.x < near.y {
+            let every = level_marks(near) | radial_mark(near.x);
+            if (every & ~marks) != 0u && shows(rectangle, near, true) {
+                found |= every;
+            }
         }
     }
-    if stack.look_ahead.w == 0.0 {
+    if stack.look_ahead.w == 0.0 || (marks & MARK_AHEAD) != 0u {
         return found;
     }
     let origin = stack.look_ahead.xyz;
@@ -189,8 +221,8 @@ fn marks_of_box(map: u32, box: GroundBox, marks: u32) -> u32 {
     }
     // What this frame hides at the same place of the picture stays hidden; beside the picture nothing is known.
     let way = length(origin);
-    let behind = rectangle.x > rectangle.z;
-    if behind || shows(rectangle, vec2<f32>(range.x - way, range.y + way), false) {
+    let beside = rectangle.x > rectangle.z;
+    if beside || shows(rectangle, vec2<f32>(range.x - way, range.y + way), false) {
         found |= MARK_AHEAD;
     }
     return found;
@@ -203,18 +235,45 @@ fn test_sub_cells(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invoca
     let place = vec2<u32>(index % MAP_SIDE, (index % MAP_CELLS) / MAP_SIDE);
     let bits = cell_bits(map);
     let corner = cell_place(map, place).grid;
-    // A side of the grid's units is never divided further: there are no tiles that small.
-    let grid = corner + ((local.xy << vec2<u32>(bits)) >> vec2<u32>(3u));
-    let range = heights_over(grid, max((1u << bits) >> 3u, 1u));
-    if range.x > range.y {
-        return;
-    }
-    let share = 1.0 / f32(SUB_CELLS);
-    let low = vec2<f32>(place) + (vec2<f32>(local.xy) * share);
-    let box = ground_box(map, low, low + share, range);
-    let found = marks_of_box(map, box, atomicLoad(&cells[index]));
-    if found != 0u {
-        mark_cell(index, found);
+    let sub_cell = corner + ((local.xy << vec2<u32>(bits)) >> vec2<u32>(3u));
+    // From the sub-cell down, in order of parts; only what no other has marked is looked for.
+    var part = Part(sub_cell, 0u);
+    var counts = vec3<u32>(0u);
+    for (var count = 0u; count < PART_LIMIT; count++) {
+        let marks = atomicLoad(&cells[index]);
+        let box = part_box(map, place, corner, part);
+        var found = 0u;
+        if box.pad >= 0.0 {
+            found = marks_of_box(map, box, marks) & ~marks;
+        }
+        if found != 0u && part.depth < 2u && bits >= (3u + (2u * (part.depth + 1u))) {
+            part.depth += 1u;
+            continue;
+        }
+        if found != 0u {
+            mark_cell(index, found);
+        }
+        // On to the next part of this depth, or of the one above.
+        var side = (1u << bits) >> (3u + (2u * part.depth));
+        while part.depth > 0u {
+            counts[part.depth] += 1u;
+            if counts[part.depth] < (PARTS * PARTS) {
+                let step = counts[part.depth] % PARTS;
+                if step == 0u {
+                    part.grid = vec2<u32>(part.grid.x - ((PARTS - 1u) * side), part.grid.y + side);
+                } else {
+                    part.grid.x += side;
+                }
+                break;
+            }
+            counts[part.depth] = 0u;
+            part.grid -= vec2<u32>((PARTS - 1u) * side);
+            part.depth -= 1u;
+            side *= PARTS;
+        }
+        if part.depth == 0u {
+            return;
+        }
     }
 }
 

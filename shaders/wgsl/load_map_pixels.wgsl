@@ -84,32 +84,40 @@ fn count_pixel(cell: u32, marks: u32) {
     mark_cell(cell, marks);
 }
 
-fn mark_pixel(hit: Sample) {
-    let map = map_at(hit.distance);
-    let radial = radial_mark(hit.distance);
-    let level = 1u << (MARK_LEVELS + map);
-    let cell = cell_index(map, hit.grid);
-    if cell != EMPTY {
-        count_pixel(cell, level | radial | MARK_WANTED);
-    }
-    if radial != 0u && stack.pattern_map < stack.maps {
+// What a visible place adds to the pattern map.
+fn mark_pattern(hit: Sample, marks: u32) {
+    if radial_mark(hit.distance) != 0u && stack.pattern_map < stack.maps {
         let pattern = cell_index(stack.pattern_map, hit.grid);
         if pattern != EMPTY {
-            mark_cell(pattern, level | radial);
+            mark_cell(pattern, marks);
         }
     }
 }
 
-// Marks the cells of a map that hold the corners of a box of at most 2 × 2 of them.
-fn mark_corners(map: u32, low: vec2<u32>, high: vec2<u32>, marks: u32) {
-    for (var corner = 0u; corner < 4u; corner++) {
-        let east = (corner & 1u) == 1u;
-        let south = corner >= 2u;
-        let cell = cell_index(map, vec2<u32>(select(low.x, high.x, east), select(low.y, high.y, south)));
-        if cell != EMPTY {
-            mark_cell(cell, marks);
-        }
+// Marks of a place that shows.
+fn marks_of(hit: Sample, map: u32) -> u32 {
+    return (1u << (MARK_LEVELS + map)) | radial_mark(hit.distance);
+}
+
+fn mark_pixel(hit: Sample) {
+    let map = map_at(hit.distance);
+    let marks = marks_of(hit, map);
+    let cell = cell_index(map, hit.grid);
+    if cell != EMPTY {
+        count_pixel(cell, marks | MARK_WANTED);
     }
+    mark_pattern(hit, marks);
+}
+
+// The same of a place between pixels, which is not counted.
+fn mark_place(hit: Sample) {
+    let map = map_at(hit.distance);
+    let marks = marks_of(hit, map);
+    let cell = cell_index(map, hit.grid);
+    if cell != EMPTY {
+        mark_cell(cell, marks | MARK_WANTED);
+    }
+    mark_pattern(hit, marks);
 }
 
 // Whether a box touches more than 2 × 2 cells of a map.
@@ -118,8 +126,47 @@ fn spreads(map: u32, low: vec2<u32>, high: vec2<u32>) -> bool {
     return any(((high >> bits) - (low >> bits)) > vec2<u32>(1u));
 }
 
+// Whether a box touches more than one cell of a map.
+fn parts(map: u32, low: vec2<u32>, high: vec2<u32>) -> bool {
+    let bits = vec2<u32>(cell_bits(map));
+    return any((high >> bits) != (low >> bits));
+}
+
+// Places in a quad, along each axis, at which what lies between its pixels is marked.
+const BETWEEN: u32 = 4u;
+// Pixels whose distances differ by more are of two slopes, with perhaps something between.
+const SMOOTH: f32 = 1.25;
+
+// Marks what lies between four pixels of one smooth slope, as flat as it is between them; a quad at the picture's
+// edge ends there. `low`: the least of the four grid coordinates.
+fn mark_between(corner: u32, quad: vec2<u32>, low: vec2<u32>) {
+    // In perspective the nearer count for more.
+    let closeness = 1.0 / vec4<f32>(
+        distances[corner],
+        distances[corner + 1u],
+        distances[corner + ROW],
+        distances[corner + ROW + 1u],
+    );
+    let a = vec2<f32>(grids[corner] - low);
+    let b = vec2<f32>(grids[corner + 1u] - low);
+    let c = vec2<f32>(grids[corner + ROW] - low);
+    let d = vec2<f32>(grids[corner + ROW + 1u] - low);
+    for (var part = 0u; part < (BETWEEN * BETWEEN); part++) {
+        let share = (vec2<f32>(vec2<u32>(part % BETWEEN, part / BETWEEN)) + 0.5) / f32(BETWEEN);
+        let place = vec2<f32>(quad) + share - 0.5;
+        if any(place < vec2<f32>(0.0)) || any(place > vec2<f32>(view.size)) {
+            continue;
+        }
+        let rest = 1.0 - share;
+        let weights = closeness * vec4<f32>(rest.x * rest.y, share.x * rest.y, rest.x * share.y, share.x * share.y);
+        let distance = 1.0 / dot(weights, vec4<f32>(1.0));
+        let offset = ((a * weights.x) + (b * weights.y) + (c * weights.z) + (d * weights.w)) * distance;
+        mark_place(Sample(distance, low + vec2<u32>(offset)));
+    }
+}
+
 // Marks what lies between four pixels, whose first stands at `corner`; answers the quad's distances.
-fn mark_quad(corner: u32) -> vec4<f32> {
+fn mark_quad(corner: u32, quad: vec2<u32>) -> vec4<f32> {
     let at = vec4<f32>(
         distances[corner],
         distances[corner + 1u],
@@ -147,23 +194,15 @@ fn mark_quad(corner: u32) -> vec4<f32> {
     let coarsest = map_at(farthest);
     let radial = radial_mark(nearest);
     let patterned = radial != 0u && stack.pattern_map < stack.maps;
-    let is_gap = finest > coarsest + 1u || spreads(finest, low, high)
+    let is_gap = farthest > (SMOOTH * nearest) || finest > coarsest + 1u || spreads(finest, low, high)
         || (patterned && spreads(stack.pattern_map, low, high));
     if is_gap {
         return gap;
     }
-    for (var map = coarsest; map <= finest; map++) {
-        let bits = vec2<u32>(cell_bits(map));
-        // Four pixels of one cell and one level have marked it themselves.
-        if coarsest != finest || any((low >> bits) != (high >> bits)) {
-            mark_corners(map, low, high, (1u << (MARK_LEVELS + map)) | radial | MARK_WANTED);
-        }
-    }
-    if patterned {
-        let bits = vec2<u32>(cell_bits(stack.pattern_map));
-        if any((low >> bits) != (high >> bits)) {
-            mark_corners(stack.pattern_map, low, high, (1u << (MARK_LEVELS + finest)) | radial);
-        }
+    // Four pixels of one cell and one level have marked it themselves.
+    let apart = coarsest != finest || parts(finest, low, high);
+    if apart || (patterned && parts(stack.pattern_map, low, high)) {
+        mark_between(corner, quad, low);
     }
     return vec4<f32>(NO_DISTANCES.xy, nearest, farthest);
 }
@@ -200,7 +239,7 @@ fn mark_pixels(
             mark_pixel(Sample(distances[own], grids[own]));
         }
         if all(pixel <= view.size) {
-            texel = join_distances(texel, mark_quad(corner));
+            texel = join_distances(texel, mark_quad(corner, pixel));
         }
     }
     let place = (group.xy * (QUADS / 2u)) + local.xy;

@@ -67,8 +67,7 @@ impl<'a, T: Texels> LoadMap<'a, T> {
             // Sub-cells run at once on the GPU; what one of them sees of another's marks saves work, no more.
             for sub_cell in 0..SUB_CELLS * SUB_CELLS {
                 let place = UVec2::new(sub_cell % SUB_CELLS, sub_cell / SUB_CELLS);
-                let found = test_sub_cell(&map, index, place);
-                map.mark_cell(index, found);
+                test_sub_cell(&mut map, index, place);
             }
         }
         for index in 0..CELLS {

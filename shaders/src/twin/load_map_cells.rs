@@ -11,9 +11,7 @@ use super::load_map_box::{
 use super::load_map_place::sine;
 use super::page_table::find_square;
 use crate::layout::{EMPTY, LEAF_BIT, Leaf, ROOT_BITS, VOID_HEIGHT};
-use crate::load_map::{
-    AHEAD, LARGEST_SHIFT, RADIAL_METRES, RADIAL_SHIFT, SIDE, SMALLEST_SHIFT, SUB_CELLS, WANTED,
-};
+use crate::load_map::{AHEAD, LARGEST_SHIFT, RADIAL_METRES, RADIAL_SHIFT, SIDE, SMALLEST_SHIFT, WANTED};
 use glam::{IVec2, UVec2, Vec2, Vec3};
 use std::f32::consts::{FRAC_PI_2, PI};
 use treeline_core::seeds::pattern::pattern_of_cell;
@@ -22,6 +20,10 @@ use treeline_core::tile;
 const MOST_CANDIDATES: usize = 65_535;
 const AHEAD_WIDENING: f32 = 1.15;
 const PICTURE_SLACK: f32 = 0.05;
+/// Parts along a side in which a box that may show is tested again.
+const PARTS: u32 = 4;
+/// How often that is done.
+const DEEPEST_PART: u32 = 2;
 
 fn reach_of<T: Texels>(map: &LoadMap<'_, T>, of: u32) -> Vec2 {
     let [near, far] = map.stack.levels[of as usize].band;
@@ -157,20 +159,21 @@ fn marks_of_box<T: Texels>(map: &LoadMap<'_, T>, of: u32, ground: &GroundBox, ma
     let mut found = 0;
     if rectangle.x <= rectangle.z && !outside_picture(map, ground, Vec3::ZERO, 1.0) {
         let wanted = Vec2::new(range.x.max(band_near), range.y.min(band_far));
-        if marks & MARK_WANTED == 0
-            && wanted.x <= wanted.y
-            && wanted.x < band_far
-            && shows(map, rectangle, wanted, true)
-        {
-            found = (1 << (MARK_LEVELS + of)) | radial_mark(wanted.x) | MARK_WANTED;
+        let own = (1 << (MARK_LEVELS + of)) | radial_mark(wanted.x) | MARK_WANTED;
+        let holds = wanted.x <= wanted.y && wanted.x < band_far;
+        if holds && own & !marks != 0 && shows(map, rectangle, wanted, true) {
+            found = own;
         }
         let near = Vec2::new(range.x, range.y.min(RADIAL_METRES[2]));
-        if of == map.stack.pattern_map && near.x < near.y && shows(map, rectangle, near, true) {
-            found |= level_marks(map, near) | radial_mark(near.x);
+        if of == map.stack.pattern_map && near.x < near.y {
+            let every = level_marks(map, near) | radial_mark(near.x);
+            if every & !marks != 0 && shows(map, rectangle, near, true) {
+                found |= every;
+            }
         }
     }
     let [x, y, z, ahead] = map.stack.look_ahead;
-    if ahead == 0.0 {
+    if ahead == 0.0 || marks & MARK_AHEAD != 0 {
         return found;
     }
     let origin = Vec3::new(x, y, z);
@@ -187,21 +190,55 @@ fn marks_of_box<T: Texels>(map: &LoadMap<'_, T>, of: u32, ground: &GroundBox, ma
     found
 }
 
-/// What a sub-cell of a candidate adds to its marks.
-pub fn test_sub_cell<T: Texels>(map: &LoadMap<'_, T>, index: u32, sub_cell: UVec2) -> u32 {
+/// The box of a square of the grid in a cell; `None` where nothing is there.
+fn part_box<T: Texels>(
+    map: &LoadMap<'_, T>,
+    of: u32,
+    place: UVec2,
+    corner: UVec2,
+    grid: UVec2,
+    depth: u32,
+) -> Option<GroundBox> {
+    let bits = map.cell_bits(of);
+    let side = ((1_u32 << bits) >> (3 + 2 * depth)).max(1);
+    let range = heights_over(map, grid, side);
+    if range.x > range.y {
+        return None;
+    }
+    let unit = 1.0 / (1_u32 << bits) as f32;
+    let low = place.as_vec2() + (grid - corner).as_vec2() * unit;
+    Some(ground_box(map, of, low, low + side as f32 * unit, range))
+}
+
+/// Tests a sub-cell of a candidate, and its parts where it may show.
+pub fn test_sub_cell<T: Texels>(map: &mut LoadMap<'_, T>, index: u32, sub_cell: UVec2) {
     let of = index / MAP_CELLS;
     let place = place_of(index);
+    let Some(corner) = cell_place(map, of, place) else { return };
     let bits = map.cell_bits(of);
-    let Some(corner) = cell_place(map, of, place) else { return 0 };
     let grid = corner + ((sub_cell << UVec2::splat(bits)) >> UVec2::splat(3));
-    let range = heights_over(map, grid, ((1 << bits) >> 3).max(1));
-    if range.x > range.y {
-        return 0;
+    test_part(map, index, corner, grid, 0);
+}
+
+/// The shader's loop, as the recursion that it stands for.
+fn test_part<T: Texels>(map: &mut LoadMap<'_, T>, index: u32, corner: UVec2, grid: UVec2, depth: u32) {
+    let of = index / MAP_CELLS;
+    let marks = map.cells[index as usize];
+    let Some(ground) = part_box(map, of, place_of(index), corner, grid, depth) else { return };
+    let found = marks_of_box(map, of, &ground, marks) & !marks;
+    if found == 0 {
+        return;
     }
-    let share = 1.0 / SUB_CELLS as f32;
-    let low = place.as_vec2() + sub_cell.as_vec2() * share;
-    let ground = ground_box(map, of, low, low + share, range);
-    marks_of_box(map, of, &ground, map.cells[index as usize])
+    let bits = map.cell_bits(of);
+    if depth == DEEPEST_PART || bits < 3 + 2 * (depth + 1) {
+        map.mark_cell(index, found);
+        return;
+    }
+    let side = (1_u32 << bits) >> (3 + 2 * (depth + 1));
+    for part in 0..PARTS * PARTS {
+        let offset = UVec2::new(part % PARTS, part / PARTS) * side;
+        test_part(map, index, corner, grid + offset, depth + 1);
+    }
 }
 
 /// Makes a cell's word of its marks.

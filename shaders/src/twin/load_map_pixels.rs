@@ -6,6 +6,11 @@ use super::load_map::{ENDLESS, LoadMap, MARK_LEVELS, MARK_WANTED, radial_mark};
 use crate::layout::{EMPTY, ROOT_BITS};
 use glam::{IVec2, UVec2, Vec2, Vec4};
 
+/// Places in a quad, along each axis, at which what lies between its pixels is marked.
+const BETWEEN: u32 = 4;
+/// Pixels whose distances differ by more are of two slopes.
+const SMOOTH: f32 = 1.25;
+
 /// A pixel's hit.
 #[derive(Clone, Copy, Debug)]
 struct Sample {
@@ -62,29 +67,55 @@ fn sample_around<T: Texels>(
     Sample { distance: (2.0 * near.distance - far.distance).max(0.5 * near.distance), grid }
 }
 
-fn mark_pixel<T: Texels>(map: &mut LoadMap<'_, T>, hit: Sample) {
-    let wanted = map.map_at(hit.distance);
-    let radial = radial_mark(hit.distance);
-    let level = 1 << (MARK_LEVELS + wanted);
-    let cell = map.cell_index(wanted, hit.grid);
-    if cell != EMPTY {
-        map.pixels[cell as usize] += 1;
-        map.mark_cell(cell, level | radial | MARK_WANTED);
-    }
-    if radial != 0 && map.stack.pattern_map < map.stack.maps {
+fn mark_pattern<T: Texels>(map: &mut LoadMap<'_, T>, hit: Sample, marks: u32) {
+    if radial_mark(hit.distance) != 0 && map.stack.pattern_map < map.stack.maps {
         let pattern = map.cell_index(map.stack.pattern_map, hit.grid);
         if pattern != EMPTY {
-            map.mark_cell(pattern, level | radial);
+            map.mark_cell(pattern, marks);
         }
     }
 }
 
-fn mark_corners<T: Texels>(map: &mut LoadMap<'_, T>, of: u32, low: UVec2, high: UVec2, marks: u32) {
-    for corner in [low, UVec2::new(high.x, low.y), UVec2::new(low.x, high.y), high] {
-        let cell = map.cell_index(of, corner);
-        if cell != EMPTY {
-            map.mark_cell(cell, marks);
+fn marks_of(hit: Sample, of: u32) -> u32 {
+    (1 << (MARK_LEVELS + of)) | radial_mark(hit.distance)
+}
+
+/// Marks a place that shows; answers its cell, `EMPTY` where no map has it.
+fn mark_place<T: Texels>(map: &mut LoadMap<'_, T>, hit: Sample) -> u32 {
+    let of = map.map_at(hit.distance);
+    let marks = marks_of(hit, of);
+    let cell = map.cell_index(of, hit.grid);
+    if cell != EMPTY {
+        map.mark_cell(cell, marks | MARK_WANTED);
+    }
+    mark_pattern(map, hit, marks);
+    cell
+}
+
+fn mark_pixel<T: Texels>(map: &mut LoadMap<'_, T>, hit: Sample) {
+    let cell = mark_place(map, hit);
+    if cell != EMPTY {
+        map.pixels[cell as usize] += 1;
+    }
+}
+
+/// Marks what lies between four pixels of one smooth slope, as flat as it is between them.
+fn mark_between<T: Texels>(map: &mut LoadMap<'_, T>, corners: [Sample; 4], quad: UVec2, low: UVec2) {
+    let closeness = 1.0 / Vec4::from_array(corners.map(|corner| corner.distance));
+    let [a, b, c, d] = corners.map(|corner| (corner.grid - low).as_vec2());
+    let size = UVec2::from_array(map.world.view.size).as_vec2();
+    for part in 0..BETWEEN * BETWEEN {
+        let share = (UVec2::new(part % BETWEEN, part / BETWEEN).as_vec2() + 0.5) / BETWEEN as f32;
+        let place = quad.as_vec2() + share - 0.5;
+        if place.cmplt(Vec2::ZERO).any() || place.cmpgt(size).any() {
+            continue;
         }
+        let rest = 1.0 - share;
+        let weights =
+            closeness * Vec4::new(rest.x * rest.y, share.x * rest.y, rest.x * share.y, share.x * share.y);
+        let distance = 1.0 / weights.dot(Vec4::ONE);
+        let offset = (a * weights.x + b * weights.y + c * weights.z + d * weights.w) * distance;
+        mark_place(map, Sample { distance, grid: low + offset.as_uvec2() });
     }
 }
 
@@ -98,7 +129,7 @@ fn spreads<T: Texels>(map: &LoadMap<'_, T>, of: u32, low: UVec2, high: UVec2) ->
     spread(map, of, low, high).cmpgt(UVec2::ONE).any()
 }
 
-fn mark_quad<T: Texels>(map: &mut LoadMap<'_, T>, corners: [Sample; 4]) -> Vec4 {
+fn mark_quad<T: Texels>(map: &mut LoadMap<'_, T>, corners: [Sample; 4], quad: UVec2) -> Vec4 {
     let seen = corners.map(|corner| if corner.distance >= 0.0 { corner.distance } else { ENDLESS });
     let nearest = seen.into_iter().fold(ENDLESS, f32::min);
     let farthest = seen.into_iter().fold(0.0, f32::max);
@@ -117,19 +148,16 @@ fn mark_quad<T: Texels>(map: &mut LoadMap<'_, T>, corners: [Sample; 4]) -> Vec4 
     let radial = radial_mark(nearest);
     let pattern_map = map.stack.pattern_map;
     let patterned = radial != 0 && pattern_map < map.stack.maps;
-    let is_gap = finest > coarsest + 1
+    let is_gap = farthest > SMOOTH * nearest
+        || finest > coarsest + 1
         || spreads(map, finest, low, high)
         || (patterned && spreads(map, pattern_map, low, high));
     if is_gap {
         return gap;
     }
-    for of in coarsest..=finest {
-        if coarsest != finest || spread(map, of, low, high) != UVec2::ZERO {
-            mark_corners(map, of, low, high, (1 << (MARK_LEVELS + of)) | radial | MARK_WANTED);
-        }
-    }
-    if patterned && spread(map, pattern_map, low, high) != UVec2::ZERO {
-        mark_corners(map, pattern_map, low, high, (1 << (MARK_LEVELS + finest)) | radial);
+    let parts = |of: u32| spread(map, of, low, high) != UVec2::ZERO;
+    if coarsest != finest || parts(finest) || (patterned && parts(pattern_map)) {
+        mark_between(map, corners, quad, low);
     }
     none
 }
@@ -146,7 +174,7 @@ pub fn mark_pixels<T: Texels>(map: &mut LoadMap<'_, T>, distances: &[f32], hits:
             if pixel.cmplt(size).all() && own.distance >= 0.0 {
                 mark_pixel(map, own);
             }
-            let distances = mark_quad(map, corners);
+            let distances = mark_quad(map, corners, pixel.as_uvec2());
             let texel = pixel.as_uvec2() >> UVec2::ONE;
             let joined = join_distances(map.pyramid.load(0, texel), distances);
             map.pyramid.store(0, texel, joined);

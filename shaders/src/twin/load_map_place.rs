@@ -60,6 +60,8 @@ mod tests {
     use treeline_core::geodesy::{self, Geodetic};
     use treeline_core::ray_frame::EyeFrame;
 
+    const POLE: f64 = std::f64::consts::FRAC_PI_2;
+
     proptest! {
         #[test]
         fn the_sine_is_right_to_2e_7(angle in -PI..PI) {
@@ -74,7 +76,7 @@ mod tests {
             exponent in -7.0..0.3_f64, direction in 0.0..6.3_f64,
         ) {
             let away = 10.0_f64.powf(exponent);
-            let there = (latitude.to_radians() + away * direction.sin()).clamp(-1.570_796, 1.570_796);
+            let there = (latitude.to_radians() + away * direction.sin()).clamp(-POLE, POLE);
             let east = (away * direction.cos()) as f32;
             let north = (there - latitude.to_radians()) as f32;
             let (sine, cosine) = latitude.to_radians().sin_cos();
