@@ -81,8 +81,11 @@ pub struct LoadMapFrame {
     pub scene_seed: u32,
     /// Angle that a texel may fill, radians: 1.42 pixels by default.
     pub texel_angle: f32,
+    /// Deepest level of the elevation: where a coarser tile is drawn for now, finer ground may rise above it.
+    /// 0 where it never does.
+    pub elevation_level: u32,
     /// Zero.
-    pub padding: [u32; 2],
+    pub padding: u32,
     /// The maps, coarsest first.
     pub levels: [LoadMapLevel; MAPS as usize],
 }

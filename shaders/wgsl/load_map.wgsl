@@ -31,7 +31,8 @@ struct LoadMapFrame {
     pattern_map: u32,
     scene_seed: u32,
     texel_angle: f32,
-    padding: vec2<u32>,
+    elevation_level: u32,
+    padding: u32,
     levels: array<LoadMapLevel, 16>,
 }
 

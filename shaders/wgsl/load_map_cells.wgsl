@@ -134,8 +134,11 @@ fn heights_in_tile(leaf: Leaf, grid: vec2<u32>, side: u32) -> vec2<f32> {
     return vec2<f32>(min(min(upper.x, upper.y), min(lower.x, lower.y)), max(max(upper.x, upper.y), max(lower.x, lower.y)));
 }
 
-// Least and greatest height that is drawn over a square of the grid.
-fn heights_over(grid: vec2<u32>, side: u32) -> vec2<f32> {
+// Ground of slope 1 rises by half a cell between nodes that do not show it.
+const RISE_BETWEEN_NODES: f32 = 0.5;
+
+// Least and greatest height that is drawn over a square of the grid, or may be once its tile of `level` is there.
+fn heights_over(grid: vec2<u32>, side: u32, level: u32) -> vec2<f32> {
     let square = find_square(grid + vec2<u32>(side >> 1u));
     if square.entry == EMPTY {
         return NO_RANGE;
@@ -147,6 +150,9 @@ fn heights_over(grid: vec2<u32>, side: u32) -> vec2<f32> {
     }
     if range.y <= VOID_HEIGHT {
         return NO_RANGE;
+    }
+    if leaf.level < min(level, stack.elevation_level) {
+        range.y += RISE_BETWEEN_NODES * max(leaf.cell_metres.x, leaf.cell_metres.y);
     }
     return range;
 }
@@ -176,7 +182,7 @@ struct Part {
 fn part_box(map: u32, place: vec2<u32>, corner: vec2<u32>, part: Part) -> GroundBox {
     let bits = cell_bits(map);
     let side = max((1u << bits) >> (3u + (2u * part.depth)), 1u);
-    let range = heights_over(part.grid, side);
+    let range = heights_over(part.grid, side, stack.levels[map].level);
     if range.x > range.y {
         var nothing: GroundBox;
         nothing.pad = -1.0;

@@ -7,6 +7,8 @@ pub mod faulty_link;
 pub mod geotiff;
 pub mod gpu;
 pub mod height_field;
+pub mod load_map;
+pub mod load_map_gpu;
 pub mod picture;
 pub mod program;
 pub mod reference;

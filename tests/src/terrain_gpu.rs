@@ -110,7 +110,8 @@ pub fn terrain_by_gpu(world: &TileWorld, frame: &Frame) -> (Vec<f32>, Vec<[u32; 
     (distances, hits)
 }
 
-fn array<'a>(
+/// A texture array with its mips, R32Float: sides of the mips, texels of a layer's mip.
+pub(crate) fn array<'a>(
     sides: &[u32],
     layers: usize,
     texels: impl Fn(usize, usize) -> &'a Vec<f32>,
@@ -156,14 +157,14 @@ fn array<'a>(
     })
 }
 
-/// The 32-bit words of a texture whose rows need no padding.
-fn read_back(texture: &wgpu::Texture, texel_bytes: u32) -> Vec<u32> {
+/// The 32-bit words of a texture.
+pub(crate) fn read_back(texture: &wgpu::Texture, texel_bytes: u32) -> Vec<u32> {
     let (device, queue) = software_gpu();
     let row = texel_bytes * texture.width();
-    assert_eq!(row % wgpu::COPY_BYTES_PER_ROW_ALIGNMENT, 0, "choose a width of a multiple of 64");
+    let padded = row.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
     let buffer = device.create_buffer(&wgpu::BufferDescriptor {
         label: None,
-        size: u64::from(row * texture.height()),
+        size: u64::from(padded * texture.height()),
         usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
         mapped_at_creation: false,
     });
@@ -172,7 +173,11 @@ fn read_back(texture: &wgpu::Texture, texel_bytes: u32) -> Vec<u32> {
         texture.as_image_copy(),
         wgpu::TexelCopyBufferInfo {
             buffer: &buffer,
-            layout: wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: None },
+            layout: wgpu::TexelCopyBufferLayout {
+                offset: 0,
+                bytes_per_row: Some(padded),
+                rows_per_image: None,
+            },
         },
         texture.size(),
     );
@@ -180,5 +185,9 @@ fn read_back(texture: &wgpu::Texture, texel_bytes: u32) -> Vec<u32> {
     buffer.map_async(wgpu::MapMode::Read, .., |result| result.expect("the buffer is mapped"));
     device.poll(wgpu::PollType::wait_indefinitely()).expect("the GPU answers");
     let range = buffer.get_mapped_range(..).expect("the buffer is mapped");
-    range.chunks_exact(4).map(|word| u32::from_ne_bytes([word[0], word[1], word[2], word[3]])).collect()
+    let rows = range.chunks_exact(padded as usize).map(|padded| &padded[..row as usize]);
+    rows.flat_map(|row| {
+        row.chunks_exact(4).map(|word| u32::from_ne_bytes([word[0], word[1], word[2], word[3]]))
+    })
+    .collect()
 }

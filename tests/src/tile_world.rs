@@ -24,7 +24,12 @@ pub struct Tile {
     pub heights: Vec<f32>,
     /// Greatest heights.
     pub maxima: Pyramid,
+    /// Least heights.
+    pub minima: Pyramid,
 }
+
+/// Makes a tile's samples, row-major over the window, metres; NaN for voids.
+type Sampler<'a> = &'a dyn Fn(&LatticeWindow) -> Vec<f32>;
 
 /// A leaf of the cut: which square, drawn from which tile.
 #[derive(Clone, Copy)]
@@ -63,21 +68,25 @@ pub fn alpine_height(longitude: f64, latitude: f64) -> f64 {
     400.0 + mountains(x / 10.0, y / 10.0, 500.0, 2200.0, 21)
 }
 
+/// Samples a function of the place (longitude, latitude) over a window.
+pub fn sampled(window: &LatticeWindow, height: &dyn Fn(f64, f64) -> f64) -> Vec<f32> {
+    let side = i64::from(window.width);
+    let at = |index| {
+        let (column, row) = (window.first_column + index % side, window.first_row + index / side);
+        height(window.longitude(column), window.latitude(row)) as f32
+    };
+    (0..side * i64::from(window.height)).map(at).collect()
+}
+
 impl Tile {
-    fn new(address: TileAddress, height: &dyn Fn(f64, f64) -> f64) -> Self {
+    fn new(address: TileAddress, samples: Sampler<'_>) -> Self {
         let window = LatticeWindow::of_tile(address, Registration::Node, 1);
-        let heights: Vec<f32> = (0..i64::from(SIDE * SIDE))
-            .map(|index| {
-                let (column, row) = (index % i64::from(SIDE), index / i64::from(SIDE));
-                let value = height(
-                    window.longitude(window.first_column + column),
-                    window.latitude(window.first_row + row),
-                );
-                if value.is_finite() { value as f32 } else { VOID_HEIGHT }
-            })
-            .collect();
-        let maxima = Pyramid::new(&heights, SIDE, SIDE, 1, false);
-        Self { address, heights, maxima }
+        let mut heights = samples(&window);
+        for value in heights.iter_mut().filter(|value| !value.is_finite()) {
+            *value = VOID_HEIGHT;
+        }
+        let [maxima, minima] = [false, true].map(|minimum| Pyramid::new(&heights, SIDE, SIDE, 1, minimum));
+        Self { address, heights, maxima, minima }
     }
 
     /// The bilinear surface at a place of the tile, in cells; `None` over a void.
@@ -103,6 +112,19 @@ impl TileWorld {
         root: TileAddress,
         root_size: [u32; 2],
         height: &dyn Fn(f64, f64) -> f64,
+        split: &dyn Fn(TileAddress) -> bool,
+        empty: &dyn Fn(TileAddress) -> bool,
+        own_share: &dyn Fn(TileAddress) -> f32,
+    ) -> Self {
+        let samples = |window: &LatticeWindow| sampled(window, height);
+        Self::sampled(root, root_size, &samples, split, empty, own_share)
+    }
+
+    /// The same, whose tiles are sampled whole.
+    pub fn sampled(
+        root: TileAddress,
+        root_size: [u32; 2],
+        height: Sampler<'_>,
         split: &dyn Fn(TileAddress) -> bool,
         empty: &dyn Fn(TileAddress) -> bool,
         own_share: &dyn Fn(TileAddress) -> f32,
@@ -134,7 +156,7 @@ impl TileWorld {
         world
     }
 
-    fn slot_of(&mut self, address: TileAddress, height: &dyn Fn(f64, f64) -> f64) -> usize {
+    fn slot_of(&mut self, address: TileAddress, height: Sampler<'_>) -> usize {
         if let Some(slot) = self.tiles.iter().position(|tile| tile.address == address) {
             return slot;
         }
@@ -145,7 +167,7 @@ impl TileWorld {
     fn entry_of(
         &mut self,
         square: TileAddress,
-        height: &dyn Fn(f64, f64) -> f64,
+        height: Sampler<'_>,
         split: &dyn Fn(TileAddress) -> bool,
         empty: &dyn Fn(TileAddress) -> bool,
         own_share: &dyn Fn(TileAddress) -> f32,
@@ -273,17 +295,26 @@ impl TileWorld {
         )
     }
 
-    /// The pixel's answer by the twin.
-    pub fn by_twin(&self, frame: &Frame, pixel: UVec2) -> Hit {
-        let world = World {
+    /// What the passes of a frame have bound.
+    pub fn bound<'a>(&'a self, frame: &'a Frame) -> World<'a, Self> {
+        World {
             view: &frame.view,
             nodes: &self.nodes,
             leaves: &frame.leaves,
             texels: self,
             sheet: None,
             use_minima: false,
-        };
-        cast_ray(&world, &view_ray(&frame.view, pixel), pixel_share(pixel))
+        }
+    }
+
+    /// The root tile in the north-west, and the columns and rows of roots.
+    pub fn roots(&self) -> (TileAddress, [u32; 2]) {
+        (self.root, self.root_size)
+    }
+
+    /// The pixel's answer by the twin.
+    pub fn by_twin(&self, frame: &Frame, pixel: UVec2) -> Hit {
+        cast_ray(&self.bound(frame), &view_ray(&frame.view, pixel), pixel_share(pixel))
     }
 
     /// Height of a ray's point over the surface (f64, by the exact conversion): `None` beside the data and over voids.
@@ -316,8 +347,8 @@ impl Texels for TileWorld {
         self.tiles[slot as usize].maxima.at(mip, x, y)
     }
 
-    fn minimum(&self, _slot: u32, _mip: u32, _x: i32, _y: i32) -> f32 {
-        f32::MIN
+    fn minimum(&self, slot: u32, mip: u32, x: i32, y: i32) -> f32 {
+        self.tiles[slot as usize].minima.at(mip, x, y)
     }
 
     fn levels(&self) -> u32 {

@@ -22,6 +22,8 @@ const AHEAD_WIDENING: f32 = 1.15;
 const PICTURE_SLACK: f32 = 0.05;
 /// Parts along a side in which a box that may show is tested again.
 const PARTS: u32 = 4;
+/// Ground of slope 1 rises by half a cell between nodes that do not show it.
+const RISE_BETWEEN_NODES: f32 = 0.5;
 /// How often that is done.
 const DEEPEST_PART: u32 = 2;
 
@@ -132,7 +134,7 @@ fn heights_in_tile<T: Texels>(map: &LoadMap<'_, T>, leaf: &Leaf, grid: UVec2, si
     Vec2::new(upper.min(lower).min_element(), upper.max(lower).max_element())
 }
 
-fn heights_over<T: Texels>(map: &LoadMap<'_, T>, grid: UVec2, side: u32) -> Vec2 {
+fn heights_over<T: Texels>(map: &LoadMap<'_, T>, grid: UVec2, side: u32, level: u32) -> Vec2 {
     let square = find_square(&map.world, grid + (side >> 1));
     if square.entry == EMPTY {
         return NO_RANGE;
@@ -143,7 +145,13 @@ fn heights_over<T: Texels>(map: &LoadMap<'_, T>, grid: UVec2, side: u32) -> Vec2
         let other = &map.world.leaves[leaf.stand_in as usize];
         range = join_ranges(range, heights_in_tile(map, other, grid, side));
     }
-    if range.y <= VOID_HEIGHT { NO_RANGE } else { range }
+    if range.y <= VOID_HEIGHT {
+        return NO_RANGE;
+    }
+    if leaf.level < level.min(map.stack.elevation_level) {
+        range.y += RISE_BETWEEN_NODES * leaf.cell_metres[0].max(leaf.cell_metres[1]);
+    }
+    range
 }
 
 fn level_marks<T: Texels>(map: &LoadMap<'_, T>, range: Vec2) -> u32 {
@@ -201,7 +209,7 @@ fn part_box<T: Texels>(
 ) -> Option<GroundBox> {
     let bits = map.cell_bits(of);
     let side = ((1_u32 << bits) >> (3 + 2 * depth)).max(1);
-    let range = heights_over(map, grid, side);
+    let range = heights_over(map, grid, side, map.stack.levels[of as usize].level);
     if range.x > range.y {
         return None;
     }
