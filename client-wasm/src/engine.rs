@@ -10,6 +10,7 @@ use crate::gpu::tile_arrays::TileArrays;
 use crate::stats::{RequestStats, Stats};
 use crate::stream::decode::{self, ElevationPixels, TEXTURE_SIDE};
 use crate::stream::load_map::{Analysis, Reading};
+use crate::stream::memory::MemoryStats;
 use crate::stream::page_table::Tables;
 use crate::stream::requests::{Failure, FetchFailure, RequestId, TileKey};
 use crate::stream::tile_choice::TileChoice;
@@ -195,11 +196,9 @@ impl Engine {
     ) -> Result<Self, EngineError> {
         let stream = Stream::new(&scene, &options.stream)?;
         let sun_unix_seconds = unix_seconds_from_rfc3339(&scene.sun.time)?;
-        let (elevation_slots, texture_slots) = stream.capacities();
-        let with_surface = stream.elevation_layer() == Layer::CombinedElevation;
-        let mut arrays =
-            TileArrays::new(&gpu.device, elevation_slots as u32, texture_slots as u32, with_surface);
-        if options.stream.tile_choice == TileChoice::LoadMap {
+        let slots = stream.slots();
+        let mut arrays = TileArrays::new(&gpu.device, slots.elevation, slots.texture, slots.parts.surface);
+        if slots.parts.minima {
             arrays = arrays.with_minima(&gpu.device);
         }
         let renderer = FrameRenderer::new(&gpu, options.count_fetches);
@@ -558,6 +557,27 @@ impl Engine {
         self.stream.visible()
     }
 
+    /// Whether a tile has come: it stands in a slot, waits for one, or is known to hold nothing.
+    pub fn has(&self, key: &TileKey) -> bool {
+        self.stream.has(key)
+    }
+
+    /// The tiles of a layer that stand in slots.
+    pub fn resident_tiles(&self, layer: Layer) -> impl Iterator<Item = TileAddress> + '_ {
+        self.stream.resident_tiles(layer)
+    }
+
+    /// How many times coarser than asked for tiles are wanted, so that all in sight find a slot; `None` where
+    /// the quadtree chooses.
+    pub fn threshold(&self) -> Option<f64> {
+        self.stream.threshold()
+    }
+
+    /// The page tables of the last frame.
+    pub fn drawn_tables(&self) -> Option<&Tables> {
+        self.drawn.as_ref().map(|drawn| &drawn.tables)
+    }
+
     /// The lists read from the last map; `None` where the quadtree chooses.
     pub fn analysis(&self) -> Option<&Analysis> {
         self.stream.analysis()
@@ -592,6 +612,11 @@ impl Engine {
             requests,
             frames: self.frames,
             survey: self.survey_stats(),
+            memory: MemoryStats {
+                budget_bytes: self.stream.slots().budget_bytes,
+                used_bytes: self.stream.used_bytes(),
+                allocated_bytes: self.arrays.bytes(),
+            },
             limited: self.stream.is_limited(),
         }
     }

@@ -1,5 +1,6 @@
 //! What the engine did, as `treeline-shot --stats` writes it and `window.treeline.stats()` answers it.
 
+use crate::stream::memory::MemoryStats;
 use crate::survey::SurveyStats;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -33,6 +34,8 @@ pub struct Stats {
     /// Tile Load Maps: how many, and how long each takes; absent where the quadtree chooses.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub survey: Option<SurveyStats>,
+    /// GPU memory of the tiles.
+    pub memory: MemoryStats,
     /// Whether slots ran out before every tile was as fine as the view allows.
     pub limited: bool,
 }

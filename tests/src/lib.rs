@@ -4,11 +4,15 @@
 pub mod browser;
 pub mod data;
 pub mod faulty_link;
+pub mod flight_link;
+pub mod flight_path;
+pub mod flight_simulation;
+pub mod flight_world;
+pub mod flights;
 pub mod geotiff;
 pub mod gpu;
 pub mod height_field;
-pub mod load_map;
-pub mod load_map_gpu;
+pub mod http_tiles;
 pub mod picture;
 pub mod program;
 pub mod reference;

@@ -63,6 +63,14 @@ impl TileArray {
         self.texture.mip_level_count()
     }
 
+    /// Bytes of the layers that there are now.
+    pub fn bytes(&self) -> u64 {
+        let texel = u64::from(self.texture.format().block_copy_size(None).unwrap_or(4));
+        let side = |mip: u32| u64::from((self.texture.width() >> mip).max(1));
+        let layer: u64 = (0..self.mips()).map(|mip| side(mip).pow(2) * texel).sum();
+        layer * u64::from(self.texture.depth_or_array_layers())
+    }
+
     fn shape(&self, label: &'static str) -> ArrayShape {
         ArrayShape {
             label,
@@ -207,6 +215,12 @@ impl TileArrays {
         let shape = self.maxima.shape("minima");
         self.minima = Some(TileArray::new(device, shape, self.maxima.capacity));
         self
+    }
+
+    /// GPU memory of all arrays as they are now, bytes.
+    pub fn bytes(&self) -> u64 {
+        let arrays = [&self.heights, &self.maxima, &self.surface, &self.photo];
+        arrays.into_iter().chain(&self.minima).map(TileArray::bytes).sum()
     }
 
     /// Uploads an elevation tile into its slot; the maxima (and minima) are the caller's to derive.

@@ -6,6 +6,7 @@
 
 pub mod decode;
 pub mod load_map;
+pub mod memory;
 pub mod page_table;
 pub mod requests;
 pub mod residency;
@@ -19,7 +20,9 @@ pub(crate) mod simulation;
 use decode::ElevationSummary;
 use glam::DVec3;
 use load_map::stack::{Stack, StackOptions};
+use load_map::threshold::Threshold;
 use load_map::{Analysis, Depths, Reading};
+use memory::{ElevationParts, Slots};
 use page_table::{ElevationInput, FitCache, Tables};
 use requests::{Failure, FetchFailure, Plan, Requests, TileKey, Wish};
 use residency::{Placement, Pool};
@@ -50,10 +53,9 @@ pub struct StreamOptions {
     pub surface: SurfaceChoice,
     /// Who chooses the tiles.
     pub tile_choice: TileChoice,
-    /// Slots for elevation tiles.
-    pub elevation_slots: u32,
-    /// Slots for photo tiles.
-    pub texture_slots: u32,
+    /// GPU memory for all tiles together, bytes; [`memory`] says how it is shared. Less than what the coarsest
+    /// tiles take counts as that.
+    pub memory_budget_bytes: u64,
     /// Largest size of a cell of the elevation map in the picture, pixels.
     pub cell_pixels: f64,
     /// Largest size of a photo texel in the picture, pixels, looked at squarely.
@@ -69,8 +71,7 @@ impl Default for StreamOptions {
         Self {
             surface: SurfaceChoice::Combined,
             tile_choice: TileChoice::default(),
-            elevation_slots: 96,
-            texture_slots: 160,
+            memory_budget_bytes: memory::DEFAULT_BUDGET_BYTES,
             cell_pixels: 1.42,
             texel_pixels: 1.42,
             requests_in_flight: 8,
@@ -83,14 +84,8 @@ impl Default for StreamOptions {
 const BASE_ATTEMPTS: u32 = 6;
 /// With more roots than this (a planet), only those in view are wanted of the photo.
 const PINNED_TEXTURES: usize = 16;
-
-/// The threshold on texels grows and shrinks by this factor where slots run out.
-const THRESHOLD_STEP: f64 = 1.25;
-/// Of the slots: above this share of wanted tiles the threshold grows, below the other it shrinks again.
-const CROWDED: f64 = 0.95;
-const ROOMY: f64 = 0.5;
-/// The threshold grows by no more than this: one tile for the whole scene.
-const LARGEST_THRESHOLD: f64 = 4096.0;
+/// Slots beside those of the coarsest tiles at least: less could not show a way down.
+const SPARE_SLOTS: usize = 12;
 
 /// What the choice by the Tile Load Map keeps.
 #[derive(Debug)]
@@ -100,10 +95,16 @@ struct MapChoice {
     deepest: u8,
     /// The scene's seed, where it has vegetation.
     vegetation: Option<u32>,
-    /// How many times coarser than asked for, so that all that is in sight finds a slot.
-    threshold: f64,
+    threshold: Threshold,
     texel_pixels: f64,
     scratch: Vec<(f64, TileAddress)>,
+}
+
+impl MapChoice {
+    /// A texel may fill so many pixels, for all that is in sight to find a slot.
+    fn texel_pixels(&self) -> f64 {
+        self.texel_pixels * self.threshold.factor()
+    }
 }
 
 /// One layer's tiles.
@@ -127,6 +128,7 @@ pub struct Stream {
     elevation: LayerStream,
     texture: Option<LayerStream>,
     map: Option<MapChoice>,
+    slots: Slots,
     summaries: HashMap<TileAddress, ElevationSummary>,
     requests: Requests,
     arrived: HashSet<TileKey>,
@@ -167,23 +169,33 @@ impl Stream {
         }
         let grid = RootGrid::of_scene(&extent, row.maximum_level);
         let base = RootGrid::base_of_scene(&extent, row.maximum_level);
+        let photo = scene.layer(Layer::Texture);
+        // The photo's page table begins at the roots.
+        let photo_base: Option<Vec<TileAddress>> =
+            photo.map(|row| grid.tiles().filter(|root| row.extent.intersects(&root.bounds())).collect());
+        let parts = ElevationParts {
+            surface: row.name == Layer::CombinedElevation,
+            minima: options.tile_choice == TileChoice::LoadMap,
+        };
+        let least = |base: usize| (base.min(PINNED_TEXTURES) + SPARE_SLOTS) as u32;
+        let least = (least(base.len()), photo_base.as_ref().map(|base| least(base.len())));
+        let slots = Slots::of_budget(options.memory_budget_bytes, parts, least);
         let elevation = LayerStream {
             layer: row.name,
             base: base.tiles().collect(),
             maximum_level: row.maximum_level,
             extent,
             cell_pixels: options.cell_pixels,
-            pool: Pool::new(options.elevation_slots.max(base.len() as u32 + 4)),
+            pool: Pool::new(slots.elevation),
             cut: Cut::default(),
         };
-        let texture = scene.layer(Layer::Texture).map(|row| LayerStream {
+        let texture = photo.zip(photo_base).map(|(row, base)| LayerStream {
             layer: Layer::Texture,
-            // The photo's page table begins at the roots.
-            base: grid.tiles().filter(|root| row.extent.intersects(&root.bounds())).collect(),
+            base,
             maximum_level: row.maximum_level,
             extent: row.extent,
             cell_pixels: options.texel_pixels,
-            pool: Pool::new(options.texture_slots.max(2 * PINNED_TEXTURES as u32)),
+            pool: Pool::new(slots.texture),
             cut: Cut::default(),
         });
         let map = (options.tile_choice == TileChoice::LoadMap).then(|| {
@@ -196,7 +208,7 @@ impl Stream {
                 analysis: Analysis::new(depths),
                 deepest: elevation.maximum_level.max(depths.texture.unwrap_or(0)),
                 vegetation: depths.land_cover.map(|_| scene.seed),
-                threshold: 1.0,
+                threshold: Threshold::default(),
                 texel_pixels: options.texel_pixels,
                 scratch: Vec::new(),
             }
@@ -207,6 +219,7 @@ impl Stream {
             elevation,
             texture,
             map,
+            slots,
             summaries: HashMap::new(),
             requests: Requests::new(options.requests_in_flight),
             arrived: HashSet::new(),
@@ -229,9 +242,27 @@ impl Stream {
         self.texture.is_some()
     }
 
-    /// Slots for elevation tiles, and for photo tiles.
-    pub fn capacities(&self) -> (usize, usize) {
-        (self.elevation.pool.capacity(), self.texture.as_ref().map_or(0, |texture| texture.pool.capacity()))
+    /// The slots that the budget buys, and what they consist of.
+    pub fn slots(&self) -> &Slots {
+        &self.slots
+    }
+
+    /// GPU memory of the slots that hold a tile, bytes.
+    pub fn used_bytes(&self) -> u64 {
+        let texture = self.texture.as_ref().map_or(0, |texture| texture.pool.used());
+        self.slots.bytes(self.elevation.pool.used(), texture)
+    }
+
+    /// Whether a tile has come: it stands in a slot, waits for one, or is known to hold nothing.
+    pub fn has(&self, key: &TileKey) -> bool {
+        self.arrived.contains(key)
+            || self.layer(key.layer).is_some_and(|layer| layer.pool.is_known(&key.address))
+    }
+
+    /// The tiles of a layer that stand in slots.
+    pub fn resident_tiles(&self, layer: Layer) -> impl Iterator<Item = TileAddress> + '_ {
+        let pool = self.layer(layer).map(|layer| &layer.pool);
+        pool.into_iter().flat_map(|pool| pool.residents().map(|(&address, _)| address))
     }
 
     /// Chooses the tiles that the view wants: by the map last read, or by the quadtree.
@@ -286,7 +317,7 @@ impl Stream {
         let map = self.map.as_ref()?;
         let options = StackOptions {
             deepest: map.deepest,
-            texel_pixels: map.texel_pixels * map.threshold,
+            texel_pixels: map.texel_pixels(),
             heights: self.heights,
             vegetation: map.vegetation,
             look_ahead,
@@ -310,12 +341,11 @@ impl Stream {
         let has_texture = |address: &TileAddress| texture.is_some_and(|pool| pool.is_known(address));
         map.analysis.read(now, stack, reading, moves, [&has_texture, &has_elevation]);
         self.choose(view);
-        let crowding = self.crowding();
+        let (crowding, complete) = (self.crowding(), self.has_all());
         let Some(map) = &mut self.map else { return false };
-        if crowding > CROWDED && map.threshold < LARGEST_THRESHOLD {
-            map.threshold *= THRESHOLD_STEP;
-        } else if crowding < ROOMY && map.threshold > 1.0 && moves {
-            map.threshold = (map.threshold / THRESHOLD_STEP).max(1.0);
+        // A map made before the threshold last changed says nothing of this one.
+        if stack.frame.texel_angle == (map.texel_pixels() * view.pixel_angle) as f32 {
+            map.threshold.judge(crowding, moves, complete);
         }
         self.drawn_changes()
     }
@@ -356,7 +386,7 @@ impl Stream {
     /// How many times coarser than asked for tiles are wanted, so that all in sight find a slot; `None` where
     /// the quadtree chooses.
     pub fn threshold(&self) -> Option<f64> {
-        self.map.as_ref().map(|map| map.threshold)
+        self.map.as_ref().map(|map| map.threshold.factor())
     }
 
     /// The lists of the last map; `None` where the quadtree chooses.

@@ -222,7 +222,8 @@ fn a_bad_link_settles_to_what_a_good_one_does_without_a_hole() {
 
 #[test]
 fn a_flight_over_a_slow_link_with_few_slots_never_shows_a_hole() {
-    let options = StreamOptions { elevation_slots: 24, texture_slots: 32, ..options() };
+    // Some 20 slots of elevation, and 35 of the photo.
+    let options = StreamOptions { memory_budget_bytes: 80_000_000, ..options() };
     let mut flight = Simulation::new(Link::new(400_000.0, 0.2, 7), &options);
     for step in 0..300 {
         flight.frame(&view(f64::from(step) / 300.0));

@@ -3,6 +3,7 @@
 
 pub mod lists;
 pub mod stack;
+pub mod threshold;
 
 use lists::{Hold, PatternCell, PatternList, TileList};
 use stack::Stack;
