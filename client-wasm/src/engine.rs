@@ -9,6 +9,7 @@ use crate::gpu::targets::Targets;
 use crate::gpu::tile_arrays::TileArrays;
 use crate::stats::{RequestStats, Stats};
 use crate::stream::decode::{self, ElevationPixels, TEXTURE_SIDE};
+use crate::stream::ground_tiles::GroundTile;
 use crate::stream::load_map::{Analysis, Reading};
 use crate::stream::memory::MemoryStats;
 use crate::stream::page_table::Tables;
@@ -576,6 +577,12 @@ impl Engine {
     /// The page tables of the last frame.
     pub fn drawn_tables(&self) -> Option<&Tables> {
         self.drawn.as_ref().map(|drawn| &drawn.tables)
+    }
+
+    /// The tiles of the ground (of the photo, or of the elevation where there is none) that are in sight,
+    /// wanted or resident; coarsest first.
+    pub fn ground_tiles(&self) -> Vec<GroundTile> {
+        self.stream.ground_tiles()
     }
 
     /// The lists read from the last map; `None` where the quadtree chooses.

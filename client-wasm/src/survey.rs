@@ -160,6 +160,7 @@ mod tests {
         let grid = RootGrid::covering(&GeographicBox { west: 10.0, south: 46.0, east: 11.0, north: 47.0 }, 8);
         let options = StackOptions {
             deepest: 15,
+            elevation: 15,
             texel_pixels: 1.42,
             heights: (0.0, 1_000.0),
             vegetation: None,

@@ -54,6 +54,8 @@ async function main() {
     /** Resolves once every tile that the view wants is drawn. */
     settled: () => map.settled(),
     stats: () => map.stats(),
+    /** Tiles of the ground: [{level, row, column, visible, wanted, resident}], coarsest first. */
+    loadMap: () => map.load_map(),
     pause: () => map.pause(),
     resume: () => map.resume(),
     /** Draws one frame, paused or not; resolves once it is done. */

@@ -98,6 +98,70 @@ function fill(list, rows) {
   list.replaceChildren(...nodes);
 }
 
+/** Degrees of a tile's side. */
+const span = (level) => 180 / 2 ** level;
+/** Degrees of longitude from one meridian to another, the short way. */
+const eastward = (from, to) => ((((to - from) % 360) + 540) % 360) - 180;
+
+/** The plan of the tiles: north is up, the camera a dot with its field of view, all in sight fits in. */
+function drawPlan(canvas, tiles, camera) {
+  const style = getComputedStyle(canvas);
+  const colour = (name) => style.getPropertyValue(name).trim();
+  const scale = window.devicePixelRatio || 1;
+  const [width, height] = [canvas.clientWidth, canvas.clientHeight];
+  if (!width || !height) return;
+  canvas.width = width * scale;
+  canvas.height = height * scale;
+  const brush = canvas.getContext("2d");
+  brush.scale(scale, scale);
+  const shrink = Math.max(Math.cos((camera.lat * Math.PI) / 180), 0.02);
+  // Offsets from the camera in degrees of latitude: west, north, side.
+  const squares = tiles.map((tile) => {
+    const side = span(tile.level);
+    const west = eastward(camera.lon, -180 + tile.column * side) * shrink;
+    return { ...tile, west, north: 90 - tile.row * side - camera.lat, wide: side * shrink, high: side };
+  });
+  const shown = squares.filter((tile) => tile.visible || (tile.wanted && !tile.resident));
+  const frame = { west: -1e-4, east: 1e-4, south: -1e-4, north: 1e-4 };
+  for (const tile of shown) {
+    // Nobody needs all of a large tile, of which a corner is in sight.
+    const most = 40 * Math.min(...shown.map((other) => other.high));
+    frame.west = Math.min(frame.west, Math.max(tile.west, -most));
+    frame.east = Math.max(frame.east, Math.min(tile.west + tile.wide, most));
+    frame.north = Math.max(frame.north, Math.min(tile.north, most));
+    frame.south = Math.min(frame.south, Math.max(tile.north - tile.high, -most));
+  }
+  const zoom = 0.94 * Math.min(width / (frame.east - frame.west), height / (frame.north - frame.south));
+  const x = (west) => width / 2 + (west - (frame.west + frame.east) / 2) * zoom;
+  const y = (north) => height / 2 - (north - (frame.south + frame.north) / 2) * zoom;
+  const finest = Math.max(...squares.map((tile) => tile.level), 1);
+  const box = (tile) => [x(tile.west), y(tile.north), tile.wide * zoom, tile.high * zoom];
+  for (const tile of squares) {
+    brush.globalAlpha = 1;
+    if (tile.visible) {
+      brush.fillStyle = colour("--accent");
+      brush.globalAlpha = 0.25 + 0.65 * Math.max(0, 1 - (finest - tile.level) / 8);
+      brush.fillRect(...box(tile));
+      brush.globalAlpha = 1;
+    }
+    brush.lineWidth = tile.wanted && !tile.resident ? 1.5 : 0.75;
+    brush.strokeStyle = colour(tile.wanted && !tile.resident ? "--warning" : tile.visible ? "--text" : "--line");
+    brush.strokeRect(...box(tile));
+  }
+  const heading = (camera.heading_deg * Math.PI) / 180;
+  const half = Math.atan(Math.tan((camera.fov_y_deg * Math.PI) / 360) * (window.innerWidth / Math.max(window.innerHeight, 1)));
+  brush.fillStyle = colour("--text");
+  brush.globalAlpha = 0.18;
+  brush.beginPath();
+  brush.moveTo(x(0), y(0));
+  brush.arc(x(0), y(0), 2 * width, heading - half - Math.PI / 2, heading + half - Math.PI / 2);
+  brush.fill();
+  brush.globalAlpha = 1;
+  brush.beginPath();
+  brush.arc(x(0), y(0), 3.5, 0, 7);
+  brush.fill();
+}
+
 export class Panel {
   #map;
   #timer = 0;
@@ -156,6 +220,12 @@ export class Panel {
     ];
     for (const [layer, count] of Object.entries(stats.tiles ?? {})) rows.push([`Tiles: ${layer}`, count]);
     for (const [pass, milliseconds] of Object.entries(stats.passes ?? {})) rows.push([`Pass: ${pass}`, `${milliseconds.toFixed(1)} ms`]);
+    if (stats.survey) {
+      rows.push(["Load maps", stats.survey.made], ["Load map read after", `${stats.survey.latency_milliseconds.toFixed(0)} ms`]);
+      if (stats.survey.threshold > 1) rows.push(["Coarser, for lack of memory", `${stats.survey.threshold.toFixed(1)} ×`]);
+    }
+    if (stats.memory) rows.push(["Tiles in graphics memory", `${bytes(stats.memory.used_bytes)} of ${bytes(stats.memory.budget_bytes)}`]);
     fill(element("stats"), rows);
+    drawPlan(element("load-map"), this.#map.load_map(), camera);
   }
 }

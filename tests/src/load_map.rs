@@ -36,8 +36,14 @@ impl<'a> Scene<'a> {
         let grid =
             RootGrid { level: root.level, first_column: root.column, first_row: root.row, columns, rows };
         let view = ViewGeometry::new(&camera, size[0], size[1]);
-        let options =
-            StackOptions { deepest, texel_pixels: 1.42, heights: world.range(), vegetation, look_ahead };
+        let options = StackOptions {
+            deepest,
+            elevation: 0,
+            texel_pixels: 1.42,
+            heights: world.range(),
+            vegetation,
+            look_ahead,
+        };
         let mut frame = world.frame(&camera, size);
         frame.view.grid_place = grid.place();
         Self { world, frame, stack: Stack::new(&view, &grid, &options), camera }

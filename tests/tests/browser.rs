@@ -1,10 +1,12 @@
 //! The map in a real browser, over the built-in landscape.
 
 use anyhow::{Context, ensure};
-use serde_json::json;
+use serde_json::{Value, json};
+use std::collections::BTreeSet;
 use std::time::Duration;
 use treeline_core::camera::GeographicCamera;
 use treeline_tests::browser::{Browser, Page, Pointer};
+use treeline_tests::geotiff::{self, Placement};
 use treeline_tests::picture;
 use treeline_tests::program::{self, Server};
 
@@ -103,7 +105,7 @@ fn browser_draws_what_treeline_shot_draws() -> anyhow::Result<()> {
     let folder = tempfile::tempdir()?;
     let camera = folder.path().join("camera.json");
     std::fs::write(&camera, serde_json::to_string(&scene.camera)?)?;
-    let color = folder.path().join("color.png");
+    let (color, stats) = (folder.path().join("color.png"), folder.path().join("stats.json"));
     let output = std::process::Command::new(program::path("treeline-shot")?)
         .args(["--server", &server.url("/")])
         .args(["--adapter", "software", "--size", &format!("{}x{}", SIZE.0, SIZE.1)])
@@ -111,11 +113,22 @@ fn browser_draws_what_treeline_shot_draws() -> anyhow::Result<()> {
         .arg(&camera)
         .arg("--color")
         .arg(&color)
+        .arg("--stats")
+        .arg(&stats)
         .output()?;
     ensure!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let shot = image::open(&color)?.to_rgba8();
     let difference = picture::difference(&shown, &shot, 24);
     println!("page against treeline-shot: {difference:?}");
+
+    // The tiles in sight are the same, read back in the browser and natively.
+    let stats: Value = serde_json::from_slice(&std::fs::read(&stats)?)?;
+    let native: BTreeSet<Vec<u64>> = serde_json::from_value(stats["load_map"]["visible"].clone())?;
+    let in_sight = "window.treeline.loadMap().filter((tile) => tile.visible)\
+                    .map((tile) => [tile.level, tile.row, tile.column])";
+    let read_back: BTreeSet<Vec<u64>> = serde_json::from_value(page.evaluate(in_sight)?)?;
+    println!("{} tiles in sight", native.len());
+    ensure!(native.len() > 5 && native == read_back, "{native:?} natively, {read_back:?} in the browser");
     // Two limits: how far off on the whole, and how many pixels are off at all.
     if difference.mean >= 0.5 || difference.share_over >= 0.005 {
         let paths = [picture::keep("browser", &shown)?, picture::keep("shot", &shot)?];
@@ -153,6 +166,31 @@ fn browser_api_pauses_steps_and_sizes() -> anyhow::Result<()> {
     page.settle()?;
     ensure!(page.camera()?.height > -4000.0, "{:?}", page.camera()?);
     ensure!(page.complaints()?.is_empty(), "{:?}", page.complaints()?);
+    Ok(())
+}
+
+#[test]
+fn browser_leaves_the_choice_of_tiles_to_the_quadtree_where_asked() -> anyhow::Result<()> {
+    let folder = tempfile::tempdir()?;
+    let dem = folder.path().join("terrain.tif");
+    let placement = Placement { west: 8.0, north: 46.5, step: 5.0e-5, columns: 1200, rows: 1000 };
+    geotiff::write_heights(&dem, &placement, |longitude, latitude| {
+        (900.0 + 300.0 * (longitude * 230.0).sin() * (latitude * 250.0).cos()) as f32
+    })?;
+    let server = Server::start(&["--dem", dem.to_str().context("a path")?])?;
+    let browser = Browser::start()?;
+    let view = "#camera=8.03,46.46,2600,20,-35";
+    let mut pictures = Vec::new();
+    for (tiles, has_map) in [("cpu", false), ("load-map", true)] {
+        let mut page = open(&browser, &server.url(&format!("/?tiles={tiles}{view}")))?;
+        let pipelines = page.evaluate("window.treeline.stats().pipelines.includes('load_map')")?;
+        ensure!(pipelines == json!(has_map), "?tiles={tiles}");
+        ensure!(page.complaints()?.is_empty(), "{:?}", page.complaints()?);
+        pictures.push(only_the_picture(&mut page)?);
+    }
+    let difference = picture::difference(&pictures[0], &pictures[1], 24);
+    println!("load map against quadtree: {difference:?}");
+    ensure!(difference.mean < 0.5 && difference.share_over < 0.005, "{difference:?}");
     Ok(())
 }
 

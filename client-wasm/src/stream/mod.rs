@@ -5,6 +5,7 @@
 //! [`decode`] unpacks what comes, [`residency`] finds it a slot, [`page_table`] draws.
 
 pub mod decode;
+pub mod ground_tiles;
 pub mod load_map;
 pub mod memory;
 pub mod page_table;
@@ -317,6 +318,7 @@ impl Stream {
         let map = self.map.as_ref()?;
         let options = StackOptions {
             deepest: map.deepest,
+            elevation: self.elevation.maximum_level,
             texel_pixels: map.texel_pixels(),
             heights: self.heights,
             vegetation: map.vegetation,

@@ -67,6 +67,11 @@ impl Landscape {
         js_sys::JSON::parse(&self.app.stats_json())
     }
 
+    /// The tiles of the ground: `[{level, row, column, visible, wanted, resident}]`, coarsest first.
+    pub fn load_map(&self) -> Result<JsValue, JsValue> {
+        js_sys::JSON::parse(&self.app.load_map_json())
+    }
+
     /// Draws nothing until [`Self::resume`] or [`Self::step`].
     pub fn pause(&self) {
         self.app.pause();

@@ -135,6 +135,12 @@ impl App {
         }
     }
 
+    /// `window.treeline.loadMap()`, as JSON.
+    pub fn load_map_json(&self) -> String {
+        let state = self.state.borrow();
+        state.session.as_ref().map_or_else(|| "[]".into(), |session| json(&session.engine.ground_tiles()))
+    }
+
     /// A promise that resolves once every tile that the view wants is drawn.
     pub fn settled(&self) -> Promise {
         let promise =

@@ -5,6 +5,7 @@ use super::graphics::Graphics;
 use crate::controls::Ground;
 use crate::engine::{DEFAULT_SHADOW_STEPS, Engine, EngineError, EngineOptions, FrameReport, ViewRequest};
 use crate::stream::requests::RequestId;
+use crate::stream::tile_choice::TileChoice;
 use std::collections::HashMap;
 use treeline_core::camera::GeographicCamera;
 use treeline_core::scene::SceneDescription;
@@ -26,6 +27,7 @@ impl Session {
     /// An engine for a scene on the canvas's device.
     pub fn new(graphics: Graphics, scene: &SceneDescription, number: u32) -> Result<Self, Failure> {
         let mut options = EngineOptions::default();
+        options.stream.tile_choice = tile_choice();
         if graphics.is_software() {
             // Fading in would be ten more frames, each of them slow.
             options.stream.fade_seconds = 0.0;
@@ -76,6 +78,22 @@ impl Session {
     pub fn abort(&mut self) {
         for (_, controller) in self.fetches.drain() {
             controller.abort();
+        }
+    }
+}
+
+/// Who chooses the tiles: `?tiles=cpu` is the quadtree, for comparison.
+fn tile_choice() -> TileChoice {
+    let search = web_sys::window().and_then(|window| window.location().search().ok()).unwrap_or_default();
+    let tiles =
+        search.trim_start_matches('?').split('&').find_map(|parameter| parameter.strip_prefix("tiles="));
+    match tiles {
+        None | Some("load-map") => TileChoice::LoadMap,
+        Some("cpu") => TileChoice::Cpu,
+        Some(other) => {
+            let line = format!("?tiles={other}: there is no such choice; write load-map or cpu");
+            web_sys::console::warn_1(&line.into());
+            TileChoice::LoadMap
         }
     }
 }

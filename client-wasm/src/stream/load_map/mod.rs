@@ -173,6 +173,7 @@ mod tests {
         let grid = RootGrid::covering(&GeographicBox { west: 10.0, south: 46.0, east: 11.0, north: 47.0 }, 7);
         let options = StackOptions {
             deepest: 18,
+            elevation: 14,
             texel_pixels: 1.42,
             heights: (0.0, 3_000.0),
             vegetation: Some(5),

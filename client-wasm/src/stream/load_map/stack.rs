@@ -19,6 +19,8 @@ const NEAREST_METRES: f64 = 0.5;
 pub struct StackOptions {
     /// Deepest level that any layer has.
     pub deepest: u8,
+    /// Deepest level that the elevation has.
+    pub elevation: u8,
     /// A texel may fill this many pixels.
     pub texel_pixels: f64,
     /// Bounds of the scene's heights, metres.
@@ -63,6 +65,7 @@ impl Stack {
             pattern_map: seed.map_or(u32::MAX, |_| u32::from(pattern::LEVEL.wrapping_sub(coarsest))),
             scene_seed: seed.unwrap_or(0),
             texel_angle: texel_angle as f32,
+            elevation_level: u32::from(options.elevation),
             ..LoadMapFrame::default()
         };
         for (map, level) in frame.levels.iter_mut().zip(coarsest..=finest) {
@@ -179,6 +182,7 @@ mod tests {
     fn options(deepest: u8) -> StackOptions {
         StackOptions {
             deepest,
+            elevation: deepest,
             texel_pixels: 1.42,
             heights: (0.0, 3_000.0),
             vegetation: None,
