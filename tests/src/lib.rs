@@ -13,6 +13,8 @@ pub mod geotiff;
 pub mod gpu;
 pub mod height_field;
 pub mod http_tiles;
+pub mod load_map;
+pub mod load_map_gpu;
 pub mod picture;
 pub mod program;
 pub mod reference;
