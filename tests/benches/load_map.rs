@@ -1,5 +1,5 @@
-//! What the Tile Load Map saves: bytes along recorded flights against the quadtree on the CPU, at the
-//! same final picture; and what reading a map costs.
+//! What the Tile Load Map saves: bytes along recorded flights over the built-in landscape against the quadtree on the
+//! CPU, at the same error of the pictures. Figures as JSON lines.
 
 use anyhow::ensure;
 use treeline_client::engine::{DEFAULT_SHADOW_STEPS, Engine, EngineOptions, ViewRequest};
@@ -15,8 +15,12 @@ use treeline_tests::program::Server;
 const SIZE: [u32; 2] = [320, 256];
 /// Views of a flight at which everything is awaited.
 const VIEWS: usize = 5;
-/// Memory of a run in which whatever is wanted is resident, bytes.
-const ALL_BYTES: u64 = 1 << 30;
+/// Pixels that a texel may fill: by default, and smaller, until the load map's pictures are no worse than the
+/// quadtree's. (The quadtree refines a tile for its nearest point, so that most of what it draws is finer than asked
+/// for; the map wants for each point what that point needs.)
+const TEXEL_PIXELS: [f64; 4] = [1.42, 1.19, 1.0, 0.84];
+/// The pictures to compare with: nearly three times as fine, and memory for all of it.
+const REFERENCE: (f64, u64) = (0.5, 1 << 30);
 
 /// A flight flown.
 struct Run {
@@ -25,21 +29,10 @@ struct Run {
     requests: u64,
 }
 
-fn fly(
-    base: &str,
-    views: &[GeographicCamera],
-    choice: TileChoice,
-    budget: Option<u64>,
-) -> anyhow::Result<Run> {
+fn fly(base: &str, views: &[GeographicCamera], stream: StreamOptions) -> anyhow::Result<Run> {
     let tiles = HttpTiles::new(base);
-    let defaults = StreamOptions::default();
     let options = EngineOptions {
-        stream: StreamOptions {
-            tile_choice: choice,
-            memory_budget_bytes: budget.unwrap_or(defaults.memory_budget_bytes),
-            fade_seconds: 0.0,
-            ..defaults
-        },
+        stream: StreamOptions { fade_seconds: 0.0, ..stream },
         uploads_per_step: usize::MAX,
         ..EngineOptions::default()
     };
@@ -64,14 +57,14 @@ fn fly(
 }
 
 /// Mean difference of two runs' pictures, of 255.
-fn difference(one: &Run, other: &Run) -> f64 {
+fn error(one: &Run, other: &Run) -> f64 {
     let pairs = one.pictures.iter().zip(&other.pictures);
     pairs.map(|(one, other)| picture::difference(one, other, 24).mean).sum::<f64>()
         / one.pictures.len() as f64
 }
 
-fn print(name: &str, value: f64, unit: &str) {
-    println!("{}", serde_json::json!({ "name": name, "value": value, "unit": unit }));
+fn with(tile_choice: TileChoice, pixels: f64) -> StreamOptions {
+    StreamOptions { tile_choice, texel_pixels: pixels, cell_pixels: pixels, ..StreamOptions::default() }
 }
 
 fn main() -> anyhow::Result<()> {
@@ -79,19 +72,28 @@ fn main() -> anyhow::Result<()> {
     let base = server.url("");
     for flight in FLIGHTS {
         let views = flight.views(VIEWS);
-        let all = fly(&base, &views, TileChoice::Cpu, Some(ALL_BYTES))?;
-        let cpu = fly(&base, &views, TileChoice::Cpu, None)?;
-        let map = fly(&base, &views, TileChoice::LoadMap, None)?;
-        let name = flight.name;
-        print(
-            &format!("{name}: bytes, load map over quadtree"),
-            map.bytes as f64 / cpu.bytes as f64,
-            "ratio",
-        );
-        print(&format!("{name}: requests, load map"), map.requests as f64, "");
-        print(&format!("{name}: requests, quadtree"), cpu.requests as f64, "");
-        print(&format!("{name}: picture, load map against all"), difference(&map, &all), "of 255");
-        print(&format!("{name}: picture, quadtree against all"), difference(&cpu, &all), "of 255");
+        let print = |name: &str, value: f64, unit: &str| {
+            let name = format!("{}: {name}", flight.name);
+            println!("{}", serde_json::json!({ "name": name, "value": value, "unit": unit }));
+        };
+        let finest =
+            StreamOptions { memory_budget_bytes: REFERENCE.1, ..with(TileChoice::LoadMap, REFERENCE.0) };
+        let reference = fly(&base, &views, finest)?;
+        let quadtree = fly(&base, &views, with(TileChoice::Cpu, TEXEL_PIXELS[0]))?;
+        let bar = error(&quadtree, &reference);
+        print("quadtree, error", bar, "of 255");
+        print("quadtree, bytes", quadtree.bytes as f64, "B");
+        print("quadtree, requests", quadtree.requests as f64, "");
+        for pixels in TEXEL_PIXELS {
+            let map = fly(&base, &views, with(TileChoice::LoadMap, pixels))?;
+            let of = |what: &str| format!("load map, {pixels} pixels a texel, {what}");
+            print(&of("error"), error(&map, &reference), "of 255");
+            print(&of("requests"), map.requests as f64, "");
+            print(&of("bytes over the quadtree's"), map.bytes as f64 / quadtree.bytes as f64, "ratio");
+            if error(&map, &reference) <= bar {
+                break;
+            }
+        }
     }
     Ok(())
 }

@@ -53,13 +53,22 @@ impl TileFetcher for HttpTiles {
     fn fetch(&self, url: &str) -> Result<Fetched, FetchFailure> {
         let temporary = |error: ureq::Error| FetchFailure::Temporary(error.to_string());
         let url = if url.starts_with('/') { format!("{}{url}", self.base) } else { url.to_owned() };
-        let mut response = self.agent.get(&url).call().map_err(temporary)?;
+        // As browsers ask; asked for by hand, it is handed on as it came, and its length on the wire is known.
+        let asked = self.agent.get(&url).header("Accept-Encoding", "zstd");
+        let mut response = asked.call().map_err(temporary)?;
         let status = response.status().as_u16();
-        let body = response.body_mut().with_config().limit(BODY_LIMIT).read_to_vec().map_err(temporary)?;
+        let packed = response.headers().get("Content-Encoding").is_some_and(|encoding| encoding == "zstd");
+        let wire = response.body_mut().with_config().limit(BODY_LIMIT).read_to_vec().map_err(temporary)?;
+        let wire_bytes = wire.len() as u64;
         self.requests.fetch_add(1, Ordering::Relaxed);
-        self.bytes.fetch_add(body.len() as u64, Ordering::Relaxed);
+        self.bytes.fetch_add(wire_bytes, Ordering::Relaxed);
+        let body = if packed {
+            zstd::decode_all(&wire[..]).map_err(|error| FetchFailure::Temporary(error.to_string()))?
+        } else {
+            wire
+        };
         match status {
-            200..300 => Ok(Fetched::plain(body)),
+            200..300 => Ok(Fetched { body, wire_bytes }),
             408 | 429 | 500.. => Err(FetchFailure::Temporary(format!("HTTP {status}"))),
             _ => Err(FetchFailure::Permanent(format!("HTTP {status}: {}", String::from_utf8_lossy(&body)))),
         }

@@ -58,6 +58,15 @@ impl ElevationSummary {
         largest(&self.deep_maxima, first, side).max(self.own_maximum(first, side))
     }
 
+    /// Whether there is anything in the square of cells, on any level. Conservative: whole blocks count.
+    pub fn holds(&self, first: (f64, f64), side: f64) -> bool {
+        let any = |blocks: &[f32]| {
+            let mut rows = block_rows(first, side);
+            rows.any(|row| blocks[row].iter().any(|&value| value > f32::NEG_INFINITY))
+        };
+        any(&self.deep_maxima) || any(&self.own_maxima)
+    }
+
     /// A summary of a world between two heights, for tests that need no samples.
     #[cfg(test)]
     pub fn between(minimum: f32, maximum: f32) -> Self {
@@ -86,14 +95,16 @@ impl ElevationSummary {
 }
 
 fn largest(blocks: &[f32], first: (f64, f64), side: f64) -> f32 {
+    block_rows(first, side).flat_map(|row| &blocks[row]).copied().fold(f32::NEG_INFINITY, f32::max)
+}
+
+/// The blocks that a square of cells touches: ranges of indices, row by row.
+fn block_rows(first: (f64, f64), side: f64) -> impl Iterator<Item = std::ops::RangeInclusive<usize>> {
     let block = |cell: f64| ((cell / f64::from(MAXIMA_BLOCK_CELLS)) as usize).min(BLOCKS as usize - 1);
     // The last cell of the square, not the first of the next.
     let (x0, x1) = (block(first.0), block((first.0 + side).ceil() - 1.0));
     let (y0, y1) = (block(first.1), block((first.1 + side).ceil() - 1.0));
-    (y0..=y1)
-        .flat_map(|y| &blocks[y * BLOCKS as usize + x0..=y * BLOCKS as usize + x1])
-        .copied()
-        .fold(f32::NEG_INFINITY, f32::max)
+    (y0..=y1).map(move |y| y * BLOCKS as usize + x0..=y * BLOCKS as usize + x1)
 }
 
 /// Decodes an elevation tile and checks that it is the one that was asked for.

@@ -120,6 +120,16 @@ struct LayerStream {
     cut: Cut,
 }
 
+/// What is known of a square.
+enum Known<'a> {
+    /// There is nothing in it.
+    Empty,
+    /// The summary of the finest tile that covers it, that tile's level, and the square's place in it.
+    Summary(&'a ElevationSummary, u8, (f64, f64, f64)),
+    /// Nothing yet.
+    Nothing,
+}
+
 /// The state machine.
 #[derive(Debug)]
 pub struct Stream {
@@ -268,15 +278,17 @@ impl Stream {
 
     /// Chooses the tiles that the view wants: by the map last read, or by the quadtree.
     pub fn choose(&mut self, view: &ViewGeometry) {
-        let texture_base = self.texture.as_ref().map(|layer| self.base(view, layer));
+        // With very many roots (a planet), of the photo only those in view are always wanted.
+        let many = self.texture.as_ref().filter(|layer| layer.base.len() > PINNED_TEXTURES);
+        let seen = many.map(|layer| self.seen(view, layer));
         if let Some(mut map) = self.map.take() {
-            self.choose_by_map(&mut map, texture_base.as_deref());
+            self.choose_by_map(&mut map, seen.as_deref());
             self.map = Some(map);
         } else {
             self.elevation.cut = self.choose_by_quadtree(view, &self.elevation, &self.elevation.base);
-            let cut = match (&self.texture, &texture_base) {
-                (Some(layer), Some(base)) => self.choose_by_quadtree(view, layer, base),
-                _ => return,
+            let cut = match &self.texture {
+                Some(layer) => self.choose_by_quadtree(view, layer, seen.as_deref().unwrap_or(&layer.base)),
+                None => return,
             };
             if let Some(layer) = &mut self.texture {
                 layer.cut = cut;
@@ -295,18 +307,22 @@ impl Stream {
         cpu::choose(view, &limits, |address| self.range(address, &layer.extent))
     }
 
-    fn choose_by_map(&mut self, map: &mut MapChoice, texture_base: Option<&[TileAddress]>) {
+    fn choose_by_map(&mut self, map: &mut MapChoice, seen: Option<&[TileAddress]>) {
         let mut cut = std::mem::take(&mut self.elevation.cut);
         let layer = &self.elevation;
         let (extent, pool) = (layer.extent, &layer.pool);
         let chosen = tile_choice::load_map::Layer { base: &layer.base, pool, capacity: pool.capacity() };
-        let has = |address| self.range(address, &extent) != HeightRange::Empty;
+        let has = |address| self.may_hold(address, &extent);
         tile_choice::load_map::choose(&mut cut, &map.analysis.elevation, &chosen, &mut map.scratch, has);
         self.elevation.cut = cut;
-        let Some((layer, base)) = self.texture.as_mut().zip(texture_base) else { return };
+        let Some(layer) = &mut self.texture else { return };
         let mut cut = std::mem::take(&mut layer.cut);
         let (extent, pool) = (layer.extent, &layer.pool);
-        let chosen = tile_choice::load_map::Layer { base, pool, capacity: pool.capacity() };
+        let chosen = tile_choice::load_map::Layer {
+            base: seen.unwrap_or(&layer.base),
+            pool,
+            capacity: pool.capacity(),
+        };
         let has = |address: TileAddress| extent.intersects(&address.bounds());
         tile_choice::load_map::choose(&mut cut, &map.analysis.texture, &chosen, &mut map.scratch, has);
         layer.cut = cut;
@@ -396,11 +412,6 @@ impl Stream {
         self.map.as_ref().map(|map| &map.analysis)
     }
 
-    /// A layer's tiles that are always wanted. With very many roots (a planet), of the photo only those in view.
-    fn base(&self, view: &ViewGeometry, layer: &LayerStream) -> Vec<TileAddress> {
-        if layer.base.len() > PINNED_TEXTURES { self.seen(view, layer) } else { layer.base.clone() }
-    }
-
     /// The base tiles of a layer that may be seen, nearest first, no more than there is room for.
     fn seen(&self, view: &ViewGeometry, layer: &LayerStream) -> Vec<TileAddress> {
         let mut seen: Vec<(f64, TileAddress)> = layer
@@ -417,28 +428,50 @@ impl Stream {
         seen.into_iter().map(|(_, root)| root).collect()
     }
 
-    /// What is known of the heights in a square.
-    fn range(&self, address: TileAddress, extent: &GeographicBox) -> HeightRange {
+    /// The summary of the finest tile above a square that is known, its level, and the square's place in it; or
+    /// that there is nothing in the square.
+    fn known(&self, address: TileAddress, extent: &GeographicBox) -> Known<'_> {
         if !extent.intersects(&address.bounds()) {
-            return HeightRange::Empty;
+            return Known::Empty;
         }
         for level in (0..=address.level).rev() {
             let Some(tile) = address.ancestor(level) else { break };
+            if let Some(summary) = self.summaries.get(&tile)
+                && let Some(place) = address.place_in_ancestor(level)
+            {
+                return Known::Summary(summary, level, place);
+            }
             if self.elevation.pool.is_empty_tile(&tile) {
-                return HeightRange::Empty;
+                return Known::Empty;
             }
-            let Some(summary) = self.summaries.get(&tile) else { continue };
-            let Some((u, v, side)) = address.place_in_ancestor(level) else { continue };
-            let maximum = f64::from(summary.deep_maximum((u, v), side));
-            if maximum == f64::NEG_INFINITY {
-                return HeightRange::Empty;
-            }
-            // Finer tiles may reach a little lower than this one's samples.
-            let minimum = f64::from(summary.minimum()) - 2.0 * treeline_core::tile::cell_metres(level);
-            let minimum = minimum.clamp(self.heights.0.min(maximum), maximum);
-            return HeightRange::Between(minimum, maximum);
         }
-        HeightRange::Between(self.heights.0, self.heights.1)
+        Known::Nothing
+    }
+
+    /// Whether there may be anything in a square.
+    fn may_hold(&self, address: TileAddress, extent: &GeographicBox) -> bool {
+        match self.known(address, extent) {
+            Known::Empty => false,
+            Known::Summary(summary, _, (u, v, side)) => summary.holds((u, v), side),
+            Known::Nothing => true,
+        }
+    }
+
+    /// What is known of the heights in a square.
+    fn range(&self, address: TileAddress, extent: &GeographicBox) -> HeightRange {
+        let (summary, level, (u, v, side)) = match self.known(address, extent) {
+            Known::Empty => return HeightRange::Empty,
+            Known::Summary(summary, level, place) => (summary, level, place),
+            Known::Nothing => return HeightRange::Between(self.heights.0, self.heights.1),
+        };
+        let maximum = f64::from(summary.deep_maximum((u, v), side));
+        if maximum == f64::NEG_INFINITY {
+            return HeightRange::Empty;
+        }
+        // Finer tiles may reach a little lower than this one's samples.
+        let minimum = f64::from(summary.minimum()) - 2.0 * treeline_core::tile::cell_metres(level);
+        let minimum = minimum.clamp(self.heights.0.min(maximum), maximum);
+        HeightRange::Between(minimum, maximum)
     }
 
     /// Plans the network: what to ask for and what to abort, given the last choice.
@@ -533,9 +566,7 @@ impl Stream {
     /// The page tables of a frame at `now` seconds.
     pub fn tables(&mut self, view: &ViewGeometry, now: f64) -> Tables {
         self.drawn_signature = self.signature();
-        let wanted = |layer: &LayerStream| layer.cut.nodes.keys().copied().collect::<Vec<_>>();
-        let keys = wanted(&self.elevation);
-        self.elevation.pool.begin_frame(keys.iter());
+        self.elevation.pool.begin_frame(self.elevation.cut.nodes.keys());
         let mut tables = page_table::elevation(ElevationInput {
             grid: &self.grid,
             view,
@@ -548,8 +579,7 @@ impl Stream {
             fade_seconds: self.fade_seconds,
         });
         if let Some(texture) = &mut self.texture {
-            let keys = wanted(texture);
-            texture.pool.begin_frame(keys.iter());
+            texture.pool.begin_frame(texture.cut.nodes.keys());
             let (pages, fading) =
                 page_table::texture(&self.grid, &texture.cut, &mut texture.pool, now, self.fade_seconds);
             tables.pages = pages;

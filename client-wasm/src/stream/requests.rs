@@ -97,6 +97,10 @@ impl Requests {
 
     /// What to start and what to cancel, given everything that is wanted and has not come.
     pub fn plan(&mut self, now: f64, wishes: &[Wish]) -> Plan {
+        // A view at rest, or one over tiles that have all come, costs nothing.
+        if wishes.is_empty() && self.in_flight.is_empty() && self.failures.len() <= MAXIMUM_FAILURES {
+            return Plan::default();
+        }
         let wanted: HashSet<TileKey> = wishes.iter().map(|wish| wish.key).collect();
         let mut cancel: Vec<RequestId> =
             self.in_flight.iter().filter(|(_, key)| !wanted.contains(key)).map(|(&id, _)| id).collect();
