@@ -24,7 +24,8 @@ pub const SUB_CELLS: u32 = 8;
 /// seed pattern's index, on others 1.
 pub const VISIBLE: u32 = 0xff;
 /// Bits 8–15: 255 − the smallest texture level that a visible part of the cell wants (inverted,
-/// so that the largest of two values is the union).
+/// so that the largest of two values is the union). On the coarsest map it may be coarser than the
+/// map's own level.
 pub const SMALLEST_SHIFT: u32 = 8;
 /// Bits 16–23: the largest texture level that a visible part of the cell wants.
 pub const LARGEST_SHIFT: u32 = 16;
@@ -84,8 +85,9 @@ pub struct LoadMapFrame {
     /// Deepest level of the elevation: where a coarser tile is drawn for now, finer ground may rise above it.
     /// 0 where it never does.
     pub elevation_level: u32,
-    /// Zero.
-    pub padding: u32,
+    /// Distance, metres, from which a level coarser than the coarsest map's would do; twice that for the next
+    /// coarser one, and so on.
+    pub coarser_from: f32,
     /// The maps, coarsest first.
     pub levels: [LoadMapLevel; MAPS as usize],
 }

@@ -74,7 +74,7 @@ fn the_load_map_is_laid_out_alike_on_both_sides() {
             [
                 layout_of!(LoadMapLevel: first, eye, band, span, level),
                 layout_of!(LoadMapFrame: eye, look_ahead, heights, maps, pattern_map, scene_seed, texel_angle, elevation_level,
-                    padding,
+                    coarser_from,
                     levels),
             ],
         );

@@ -9,10 +9,17 @@ const ENDLESS: f32 = 3.0e38;
 const RADIAL_METRES: vec3<f32> = vec3<f32>(700.0, 1400.0, 3000.0);
 
 // While the passes run, a cell's word is a set, so that `atomicOr` joins what is found in any order. Bits 0 to 2:
-// something visible lies within that radial level; from LEVELS on: visible levels, counted from the coarsest map's.
+// something visible lies within that radial level; bits 5 to 14: by how many levels what wants the coarsest map's
+// level, or a coarser one, would have it coarser; from LEVELS on: visible levels, counted from the coarsest map's.
 const MARK_AHEAD: u32 = 8u;
 const MARK_WANTED: u32 = 16u;
 const MARK_RADIAL: u32 = 7u;
+const MARK_COARSER: u32 = 5u;
+const MOST_COARSER: u32 = 9u;
+// A pixel of the next finer level blends into this cell's texels.
+const MARK_BLENDED: u32 = 0x8000u;
+// Share of a band's far end at which that begins: 2^−0.25, as the photo blends (`PHOTO_BLEND`).
+const BLENDS_FROM: f32 = 0.8408964;
 const MARK_LEVELS: u32 = 16u;
 
 struct LoadMapLevel {
@@ -32,7 +39,7 @@ struct LoadMapFrame {
     scene_seed: u32,
     texel_angle: f32,
     elevation_level: u32,
-    padding: u32,
+    coarser_from: f32,
     levels: array<LoadMapLevel, 16>,
 }
 
@@ -46,6 +53,26 @@ fn map_at(distance: f32) -> u32 {
         map += 1u;
     }
     return map;
+}
+
+// How many levels coarser than the coarsest map's a point at a distance wants.
+fn levels_coarser(distance: f32) -> u32 {
+    var count = 0u;
+    var reach = stack.coarser_from;
+    while count < MOST_COARSER && distance >= reach {
+        count += 1u;
+        reach *= 2.0;
+    }
+    return count;
+}
+
+// Marks of what wants a map's level from one distance to another.
+fn wanted_marks(map: u32, near: f32, far: f32) -> u32 {
+    let own = (1u << (MARK_LEVELS + map)) | radial_mark(near);
+    if map > 0u {
+        return own;
+    }
+    return own | (((2u << levels_coarser(far)) - (1u << levels_coarser(near))) << MARK_COARSER);
 }
 
 // The radial level's bit; none beyond the last.

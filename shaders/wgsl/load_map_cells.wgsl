@@ -202,7 +202,7 @@ fn marks_of_box(map: u32, box: GroundBox, marks: u32) -> u32 {
     if rectangle.x <= rectangle.z && !outside_picture(box, vec3<f32>(0.0), 1.0) {
         let wanted = vec2<f32>(max(range.x, band.x), min(range.y, band.y));
         // What a box adds does not depend on which others came before it: only the search is saved.
-        let own = (1u << (MARK_LEVELS + map)) | radial_mark(wanted.x) | MARK_WANTED;
+        let own = wanted_marks(map, wanted.x, wanted.y) | MARK_WANTED;
         // Bands hold their near end only.
         let holds = wanted.x <= wanted.y && wanted.x < band.y;
         if holds && (own & ~marks) != 0u && shows(rectangle, wanted, true) {
@@ -294,6 +294,7 @@ fn write_cells(@builtin(global_invocation_id) id: vec3<u32>) {
     let coarsest = stack.levels[0].level;
     let levels = marks >> MARK_LEVELS;
     var word = select(0u, 1u << 27u, (marks & MARK_AHEAD) != 0u);
+    word |= select(0u, 1u << 28u, (marks & MARK_BLENDED) != 0u);
     if levels != 0u {
         var visible = 1u;
         if map == stack.pattern_map {
@@ -303,8 +304,15 @@ fn write_cells(@builtin(global_invocation_id) id: vec3<u32>) {
             let first = view.grid_place >> vec2<u32>(31u - stack.levels[map].level);
             visible = pattern_of_cell(first + cell, stack.scene_seed);
         }
-        let smallest = coarsest + firstTrailingBit(levels);
-        let largest = coarsest + firstLeadingBit(levels);
+        var smallest = coarsest + firstTrailingBit(levels);
+        var largest = coarsest + firstLeadingBit(levels);
+        let coarser = (marks >> MARK_COARSER) & ((2u << MOST_COARSER) - 1u);
+        if coarser != 0u {
+            smallest -= min(firstLeadingBit(coarser), smallest);
+            if levels == 1u {
+                largest -= min(firstTrailingBit(coarser), largest);
+            }
+        }
         let radial = min(firstTrailingBit((marks & MARK_RADIAL) | 8u), 3u);
         word |= visible | ((255u - smallest) << 8u) | (largest << 16u) | (radial << 24u);
         word |= select(0u, 1u << 26u, (marks & MARK_WANTED) != 0u);

@@ -96,7 +96,7 @@ fn mark_pattern(hit: Sample, marks: u32) {
 
 // Marks of a place that shows.
 fn marks_of(hit: Sample, map: u32) -> u32 {
-    return (1u << (MARK_LEVELS + map)) | radial_mark(hit.distance);
+    return wanted_marks(map, hit.distance, hit.distance);
 }
 
 fn mark_pixel(hit: Sample) {
@@ -107,6 +107,12 @@ fn mark_pixel(hit: Sample) {
         count_pixel(cell, marks | MARK_WANTED);
     }
     mark_pattern(hit, marks);
+    if map > 0u && hit.distance >= (BLENDS_FROM * stack.levels[map].band.y) {
+        let coarser = cell_index(map - 1u, hit.grid);
+        if coarser != EMPTY {
+            mark_cell(coarser, MARK_BLENDED);
+        }
+    }
 }
 
 // The same of a place between pixels, which is not counted.

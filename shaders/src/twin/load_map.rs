@@ -18,6 +18,14 @@ pub const MARK_AHEAD: u32 = 8;
 pub const MARK_WANTED: u32 = 16;
 /// Bits of the radial levels.
 pub const MARK_RADIAL: u32 = 7;
+/// First bit of how many levels coarser what wants the coarsest map's level would have it.
+pub const MARK_COARSER: u32 = 5;
+/// The most of it.
+pub const MOST_COARSER: u32 = 9;
+/// A pixel of the next finer level blends into this cell's texels.
+pub const MARK_BLENDED: u32 = 0x8000;
+/// Share of a band's far end at which that begins: 2^−`load_map::BLEND_LEVELS`.
+pub const BLENDS_FROM: f32 = 0.840_896_4;
 /// First bit of the visible levels, counted from the coarsest map's.
 pub const MARK_LEVELS: u32 = 16;
 
@@ -85,6 +93,25 @@ impl<'a, T: Texels> LoadMap<'a, T> {
         map
     }
 
+    /// How many levels coarser than the coarsest map's a point at a distance wants.
+    pub fn levels_coarser(&self, distance: f32) -> u32 {
+        let (mut count, mut reach) = (0, self.stack.coarser_from);
+        while count < MOST_COARSER && distance >= reach {
+            count += 1;
+            reach *= 2.0;
+        }
+        count
+    }
+
+    /// Marks of what wants a map's level from one distance to another.
+    pub fn wanted_marks(&self, map: u32, near: f32, far: f32) -> u32 {
+        let own = (1 << (MARK_LEVELS + map)) | radial_mark(near);
+        if map > 0 {
+            return own;
+        }
+        own | ((2 << self.levels_coarser(far)) - (1 << self.levels_coarser(near))) << MARK_COARSER
+    }
+
     /// Bits of a grid coordinate below a map's cell.
     pub fn cell_bits(&self, map: u32) -> u32 {
         let level = self.stack.levels[map as usize].level;
@@ -137,4 +164,13 @@ pub fn radial_mark(distance: f32) -> u32 {
         return 0;
     }
     1 << (u32::from(distance >= RADIAL_METRES[0]) + u32::from(distance >= RADIAL_METRES[1]))
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn the_photo_and_the_map_blend_over_the_same_part_of_a_level() {
+        let from = (-crate::load_map::BLEND_LEVELS).exp2();
+        assert!((super::BLENDS_FROM - from).abs() < 1e-6);
+    }
 }

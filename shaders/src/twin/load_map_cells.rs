@@ -2,7 +2,8 @@
 
 use super::Texels;
 use super::load_map::{
-    ENDLESS, LoadMap, MAP_CELLS, MARK_AHEAD, MARK_LEVELS, MARK_RADIAL, MARK_WANTED, radial_mark,
+    ENDLESS, LoadMap, MAP_CELLS, MARK_AHEAD, MARK_BLENDED, MARK_COARSER, MARK_LEVELS, MARK_RADIAL,
+    MARK_WANTED, MOST_COARSER, radial_mark,
 };
 use super::load_map_box::{
     GroundBox, NO_RANGE, distance_range, ground_box, outside_picture, picture_rectangle, pyramid_rectangle,
@@ -11,7 +12,9 @@ use super::load_map_box::{
 use super::load_map_place::sine;
 use super::page_table::find_square;
 use crate::layout::{EMPTY, LEAF_BIT, Leaf, ROOT_BITS, VOID_HEIGHT};
-use crate::load_map::{AHEAD, LARGEST_SHIFT, RADIAL_METRES, RADIAL_SHIFT, SIDE, SMALLEST_SHIFT, WANTED};
+use crate::load_map::{
+    AHEAD, BLENDED, LARGEST_SHIFT, RADIAL_METRES, RADIAL_SHIFT, SIDE, SMALLEST_SHIFT, WANTED,
+};
 use glam::{IVec2, UVec2, Vec2, Vec3};
 use std::f32::consts::{FRAC_PI_2, PI};
 use treeline_core::seeds::pattern::pattern_of_cell;
@@ -167,7 +170,7 @@ fn marks_of_box<T: Texels>(map: &LoadMap<'_, T>, of: u32, ground: &GroundBox, ma
     let mut found = 0;
     if rectangle.x <= rectangle.z && !outside_picture(map, ground, Vec3::ZERO, 1.0) {
         let wanted = Vec2::new(range.x.max(band_near), range.y.min(band_far));
-        let own = (1 << (MARK_LEVELS + of)) | radial_mark(wanted.x) | MARK_WANTED;
+        let own = map.wanted_marks(of, wanted.x, wanted.y) | MARK_WANTED;
         let holds = wanted.x <= wanted.y && wanted.x < band_far;
         if holds && own & !marks != 0 && shows(map, rectangle, wanted, true) {
             found = own;
@@ -259,6 +262,9 @@ pub fn write_cell<T: Texels>(map: &mut LoadMap<'_, T>, index: u32) {
     let coarsest = map.stack.levels[0].level;
     let levels = marks >> MARK_LEVELS;
     let mut word = if marks & MARK_AHEAD != 0 { AHEAD } else { 0 };
+    if marks & MARK_BLENDED != 0 {
+        word |= BLENDED;
+    }
     if levels != 0 {
         let mut visible = 1;
         if of == map.stack.pattern_map
@@ -269,8 +275,15 @@ pub fn write_cell<T: Texels>(map: &mut LoadMap<'_, T>, index: u32) {
             let [column, row] = map.world.view.grid_place.map(|units| units >> shift);
             visible = u32::from(pattern_of_cell(column + cell.x, row + cell.y, map.stack.scene_seed));
         }
-        let smallest = coarsest + levels.trailing_zeros();
-        let largest = coarsest + levels.ilog2();
+        let mut smallest = coarsest + levels.trailing_zeros();
+        let mut largest = coarsest + levels.ilog2();
+        let coarser = (marks >> MARK_COARSER) & ((2 << MOST_COARSER) - 1);
+        if coarser != 0 {
+            smallest -= coarser.ilog2().min(smallest);
+            if levels == 1 {
+                largest -= coarser.trailing_zeros().min(largest);
+            }
+        }
         let radial = ((marks & MARK_RADIAL) | 8).trailing_zeros();
         word |=
             visible | (255 - smallest) << SMALLEST_SHIFT | largest << LARGEST_SHIFT | radial << RADIAL_SHIFT;

@@ -2,7 +2,7 @@
 
 use super::Texels;
 use super::distance_pyramid::{NO_DISTANCES, join_distances};
-use super::load_map::{ENDLESS, LoadMap, MARK_LEVELS, MARK_WANTED, radial_mark};
+use super::load_map::{BLENDS_FROM, ENDLESS, LoadMap, MARK_BLENDED, MARK_WANTED, radial_mark};
 use crate::layout::{EMPTY, ROOT_BITS};
 use glam::{IVec2, UVec2, Vec2, Vec4};
 
@@ -76,14 +76,14 @@ fn mark_pattern<T: Texels>(map: &mut LoadMap<'_, T>, hit: Sample, marks: u32) {
     }
 }
 
-fn marks_of(hit: Sample, of: u32) -> u32 {
-    (1 << (MARK_LEVELS + of)) | radial_mark(hit.distance)
+fn marks_of<T: Texels>(map: &LoadMap<'_, T>, hit: Sample, of: u32) -> u32 {
+    map.wanted_marks(of, hit.distance, hit.distance)
 }
 
 /// Marks a place that shows; answers its cell, `EMPTY` where no map has it.
 fn mark_place<T: Texels>(map: &mut LoadMap<'_, T>, hit: Sample) -> u32 {
     let of = map.map_at(hit.distance);
-    let marks = marks_of(hit, of);
+    let marks = marks_of(map, hit, of);
     let cell = map.cell_index(of, hit.grid);
     if cell != EMPTY {
         map.mark_cell(cell, marks | MARK_WANTED);
@@ -96,6 +96,13 @@ fn mark_pixel<T: Texels>(map: &mut LoadMap<'_, T>, hit: Sample) {
     let cell = mark_place(map, hit);
     if cell != EMPTY {
         map.pixels[cell as usize] += 1;
+    }
+    let of = map.map_at(hit.distance);
+    if of > 0 && hit.distance >= BLENDS_FROM * map.stack.levels[of as usize].band[1] {
+        let coarser = map.cell_index(of - 1, hit.grid);
+        if coarser != EMPTY {
+            map.mark_cell(coarser, MARK_BLENDED);
+        }
     }
 }
 

@@ -9,7 +9,9 @@ use lists::{Hold, PatternCell, PatternList, TileList};
 use stack::Stack;
 use treeline_core::scene::LandCoverLevels;
 use treeline_core::tile::TileAddress;
-use treeline_shaders::load_map::{AHEAD, BLENDED, CELLS, RADIAL_SHIFT, SIDE, VISIBLE, WANTED};
+use treeline_shaders::load_map::{
+    AHEAD, BLENDED, CELLS, LARGEST_SHIFT, RADIAL_SHIFT, SIDE, SMALLEST_SHIFT, VISIBLE, WANTED,
+};
 
 /// Seconds for which a tile is wanted on after the map last named it, while the camera moves: what comes
 /// and goes at a ridge does not flicker.
@@ -90,10 +92,10 @@ impl Analysis {
         // Nearly all cells are empty: the rest of the loop is for the few that are not.
         for (cell, (&word, &pixels)) in words.enumerate().filter(|(_, (word, _))| **word != 0) {
             let Some(address) = stack.address(cell) else { continue };
-            if word & (WANTED | BLENDED | AHEAD) != 0 {
-                self.name(address, pixels, word, now);
-            }
             let map = cell / (SIDE * SIDE) as usize;
+            if word & (WANTED | BLENDED | AHEAD) != 0 {
+                self.name(address, pixels, word, map == 0, now);
+            }
             if map as u32 == stack.frame.pattern_map && word & VISIBLE != 0 {
                 self.show(word, address, now);
             }
@@ -107,7 +109,7 @@ impl Analysis {
         self.patterns.end();
     }
 
-    fn name(&mut self, address: TileAddress, pixels: u32, word: u32, now: f64) {
+    fn name(&mut self, address: TileAddress, pixels: u32, word: u32, coarsest: bool, now: f64) {
         let ahead = word & (WANTED | BLENDED) == 0;
         if let Some(texture) = self.depths.texture.and_then(|deepest| within(address, deepest)) {
             self.texture.name(texture, pixels, ahead, now);
@@ -118,8 +120,15 @@ impl Analysis {
         {
             self.elevation.name(elevation, pixels, ahead, now);
         }
+        if word & WANTED == 0 {
+            return;
+        }
+        // On the coarsest map a part in sight may want a level coarser than there is a map for.
+        let smallest = (255 - (word >> SMALLEST_SHIFT & 0xff)) as u8;
+        let largest = ((word >> LARGEST_SHIFT & 0xff) as u8).min(address.level);
         let deepest = self.depths.texture.unwrap_or(self.depths.elevation);
-        self.visible.extend(within(address, deepest).filter(|_| word & WANTED != 0));
+        let own = if coarsest { smallest.min(largest)..=largest } else { address.level..=address.level };
+        self.visible.extend(own.filter_map(|level| address.ancestor(level.min(deepest))));
     }
 
     /// A cell of the patterns' level is in sight.

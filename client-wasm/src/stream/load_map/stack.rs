@@ -66,6 +66,10 @@ impl Stack {
             scene_seed: seed.unwrap_or(0),
             texel_angle: texel_angle as f32,
             elevation_level: u32::from(options.elevation),
+            coarser_from: match coarsest {
+                0 => ENDLESS,
+                _ => (tile::cell_metres(coarsest - 1) / texel_angle) as f32,
+            },
             ..LoadMapFrame::default()
         };
         for (map, level) in frame.levels.iter_mut().zip(coarsest..=finest) {
