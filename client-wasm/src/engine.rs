@@ -7,6 +7,7 @@ use crate::frame::{FrameRenderer, FrameTarget};
 use crate::gpu::GpuContext;
 use crate::gpu::targets::Targets;
 use crate::gpu::tile_arrays::TileArrays;
+use crate::passes::compress_photo::{PhotoCompression, PhotoFormat};
 use crate::stats::{RequestStats, Stats};
 use crate::stream::decode::{self, ElevationPixels, TEXTURE_SIDE};
 use crate::stream::ground_tiles::GroundTile;
@@ -37,6 +38,8 @@ pub const DEFAULT_SHADOW_STEPS: u32 = 30;
 pub struct EngineOptions {
     /// Streaming.
     pub stream: StreamOptions,
+    /// Whether photo tiles are compressed on the GPU.
+    pub photo_compression: PhotoCompression,
     /// Tiles uploaded in one step at most: more would make a frame late.
     pub uploads_per_step: usize,
     /// Count texel fetches per ray.
@@ -45,7 +48,12 @@ pub struct EngineOptions {
 
 impl Default for EngineOptions {
     fn default() -> Self {
-        Self { stream: StreamOptions::default(), uploads_per_step: 6, count_fetches: false }
+        Self {
+            stream: StreamOptions::default(),
+            photo_compression: PhotoCompression::default(),
+            uploads_per_step: 6,
+            count_fetches: false,
+        }
     }
 }
 
@@ -193,12 +201,16 @@ impl Engine {
     pub fn new(
         gpu: GpuContext,
         scene: SceneDescription,
-        options: EngineOptions,
+        mut options: EngineOptions,
     ) -> Result<Self, EngineError> {
+        let on_processor = gpu.info.device_type == wgpu::DeviceType::Cpu;
+        let photo = PhotoFormat::choose(options.photo_compression, gpu.device.features(), on_processor);
+        options.stream.texture_slot_bytes = photo.tile_bytes();
         let stream = Stream::new(&scene, &options.stream)?;
         let sun_unix_seconds = unix_seconds_from_rfc3339(&scene.sun.time)?;
         let slots = stream.slots();
-        let mut arrays = TileArrays::new(&gpu.device, slots.elevation, slots.texture, slots.parts.surface);
+        let mut arrays =
+            TileArrays::new(&gpu.device, slots.elevation, slots.texture, slots.parts.surface, photo);
         if slots.parts.minima {
             arrays = arrays.with_minima(&gpu.device);
         }
@@ -609,10 +621,14 @@ impl Engine {
     pub fn stats(&mut self) -> Stats {
         let mut requests = self.counters;
         requests.in_flight = self.stream.requests().in_flight();
+        let mut pipelines = self.renderer.pipelines();
+        if self.arrays.compress_photo().is_some() {
+            pipelines.push("compress_photo");
+        }
         Stats {
             adapter: self.gpu.adapter_name(),
             passes: self.renderer.pass_milliseconds().into_iter().collect(),
-            pipelines: self.renderer.pipelines(),
+            pipelines,
             tiles: self.tiles.clone(),
             bytes: self.bytes.clone(),
             resident: self.stream.residents(),
@@ -623,6 +639,7 @@ impl Engine {
                 budget_bytes: self.stream.slots().budget_bytes,
                 used_bytes: self.stream.used_bytes(),
                 allocated_bytes: self.arrays.bytes(),
+                photo_format: self.arrays.photo_format(),
             },
             limited: self.stream.is_limited(),
         }

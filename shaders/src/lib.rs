@@ -15,6 +15,10 @@ pub mod twin;
 pub enum Pass {
     /// Compute: the pyramid of maxima (or minima) over a tile's cells, one dispatch a level.
     MaximumMip,
+    /// Compute: a photo tile as blocks of BC7.
+    CompressPhotoBc7,
+    /// Compute: a photo tile as blocks of ASTC, 4 × 4 texels each.
+    CompressPhotoAstc,
     /// Full-screen: casts a ray a pixel through the page table.
     Terrain,
     /// Full-screen: casts a ray a pixel at a height field in a plane.
@@ -32,8 +36,10 @@ pub enum Pass {
 
 impl Pass {
     /// All passes.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 9] = [
         Self::MaximumMip,
+        Self::CompressPhotoBc7,
+        Self::CompressPhotoAstc,
         Self::Terrain,
         Self::HeightField,
         Self::LoadMapPixels,
@@ -46,6 +52,8 @@ impl Pass {
     pub fn modules(self) -> &'static [&'static str] {
         match self {
             Self::MaximumMip => &[include_str!("../wgsl/maximum_mip.wgsl")],
+            Self::CompressPhotoBc7 => &[include_str!("../wgsl/compress_photo_bc7.wgsl"), PHOTO_BLOCK],
+            Self::CompressPhotoAstc => &[include_str!("../wgsl/compress_photo_astc.wgsl"), PHOTO_BLOCK],
             Self::Terrain => &[
                 LAYOUT,
                 FRAME_BINDINGS,
@@ -127,6 +135,8 @@ pub const PAGE_TABLE: &str = include_str!("../wgsl/page_table.wgsl");
 pub const LOAD_MAP: &str = include_str!("../wgsl/load_map.wgsl");
 /// Where the pyramid of distances keeps what.
 pub const DISTANCE_PYRAMID: &str = include_str!("../wgsl/distance_pyramid.wgsl");
+/// A line through the colours of a block of texels; needs what a format can hold.
+pub const PHOTO_BLOCK: &str = include_str!("../wgsl/photo_block.wgsl");
 /// The atmosphere.
 pub const SKY: &str = include_str!("../wgsl/sky.wgsl");
 /// The photo through its page table.

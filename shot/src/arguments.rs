@@ -5,6 +5,7 @@ use crate::output;
 use clap::{Parser, ValueEnum};
 use std::path::PathBuf;
 use treeline_client::headless::AdapterChoice;
+use treeline_client::passes::compress_photo::PhotoCompression;
 use treeline_client::stream::SurfaceChoice;
 use treeline_client::stream::tile_choice::TileChoice;
 use treeline_server::cli::SceneArguments;
@@ -65,6 +66,9 @@ pub struct Arguments {
     /// What chooses the tiles.
     #[arg(long, value_name = "NAME", default_value = "load-map", value_parser = tile_choice)]
     pub tile_choice: TileChoice,
+    /// How the GPU holds photo tiles: plain, compressed (where the adapter can), or auto (on a real GPU).
+    #[arg(long, value_name = "NAME", default_value = "plain", value_parser = photo_tiles)]
+    pub photo_tiles: PhotoCompression,
     /// Which Vulkan adapter draws.
     #[arg(long, value_enum, default_value_t = Adapter::Any)]
     pub adapter: Adapter,
@@ -234,6 +238,15 @@ fn tile_choice(text: &str) -> Result<TileChoice, String> {
     }
 }
 
+fn photo_tiles(text: &str) -> Result<PhotoCompression, String> {
+    match text {
+        "auto" => Ok(PhotoCompression::Automatic),
+        "plain" => Ok(PhotoCompression::Plain),
+        "compressed" => Ok(PhotoCompression::Compressed),
+        _ => Err("there is no such choice; write auto, plain or compressed".into()),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -254,8 +267,11 @@ mod tests {
 
     #[test]
     fn what_does_not_exist_yet_says_what_does() {
-        for (flag, has) in [("--intersector cone-step", "max-mip"), ("--tile-choice gpu", "load-map or cpu")]
-        {
+        for (flag, has) in [
+            ("--intersector cone-step", "max-mip"),
+            ("--tile-choice gpu", "load-map or cpu"),
+            ("--photo-tiles bc1", "plain or compressed"),
+        ] {
             assert!(parse(&format!("shot --size 6x5 --color o.png {flag}")).unwrap_err().contains(has));
         }
         let trees = parse("shot --size 6x5 --trees o.csv").unwrap().check().unwrap_err();

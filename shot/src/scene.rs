@@ -36,6 +36,7 @@ pub fn shoot(arguments: &Arguments) -> Result<(), ShotError> {
             fade_seconds: 0.0,
             ..StreamOptions::default()
         },
+        photo_compression: arguments.photo_tiles,
         uploads_per_step: usize::MAX,
         count_fetches: arguments.stats.is_some(),
     };

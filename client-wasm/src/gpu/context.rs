@@ -1,5 +1,6 @@
 //! The device, and what went wrong with it.
 
+use crate::passes::compress_photo::PhotoFormat;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// A device with its queue. Cheap to clone.
@@ -22,7 +23,7 @@ struct Faults {
 
 /// Optional features that are used where an adapter has them.
 pub fn wanted_features(adapter: &wgpu::Adapter) -> wgpu::Features {
-    adapter.features() & wgpu::Features::TIMESTAMP_QUERY
+    adapter.features() & (wgpu::Features::TIMESTAMP_QUERY | PhotoFormat::FEATURES)
 }
 
 /// What every adapter must offer: WebGPU's own defaults.

@@ -2,6 +2,7 @@
 //! takes little memory and none grows without bound.
 
 use crate::engine::PhotoPixels;
+use crate::passes::compress_photo::{CompressPhoto, PhotoFormat};
 use crate::stream::decode::{ELEVATION_SIDE, ElevationPixels, TEXTURE_SIDE};
 use treeline_core::tile::CELLS;
 
@@ -65,9 +66,11 @@ impl TileArray {
 
     /// Bytes of the layers that there are now.
     pub fn bytes(&self) -> u64 {
-        let texel = u64::from(self.texture.format().block_copy_size(None).unwrap_or(4));
-        let side = |mip: u32| u64::from((self.texture.width() >> mip).max(1));
-        let layer: u64 = (0..self.mips()).map(|mip| side(mip).pow(2) * texel).sum();
+        let format = self.texture.format();
+        let block = u64::from(format.block_copy_size(None).unwrap_or(4));
+        let blocks =
+            |mip: u32| u64::from((self.texture.width() >> mip).max(1).div_ceil(format.block_dimensions().0));
+        let layer: u64 = (0..self.mips()).map(|mip| blocks(mip).pow(2) * block).sum();
         layer * u64::from(self.texture.depth_or_array_layers())
     }
 
@@ -116,17 +119,7 @@ impl TileArray {
     }
 
     fn write(&self, queue: &wgpu::Queue, slot: u32, data: &[u8], bytes_per_texel: u32) {
-        let side = self.texture.width();
-        queue.write_texture(
-            self.place(slot),
-            data,
-            wgpu::TexelCopyBufferLayout {
-                offset: 0,
-                bytes_per_row: Some(bytes_per_texel * side),
-                rows_per_image: Some(side),
-            },
-            wgpu::Extent3d { width: side, height: side, depth_or_array_layers: 1 },
-        );
+        write_square(queue, self.place(slot), self.texture.width(), data, bytes_per_texel);
     }
 
     fn place(&self, slot: u32) -> wgpu::TexelCopyTextureInfo<'_> {
@@ -152,6 +145,26 @@ fn create(device: &wgpu::Device, shape: &ArrayShape, layers: u32) -> wgpu::Textu
     })
 }
 
+/// Writes the whole of a layer, `side` × `side` texels.
+fn write_square(
+    queue: &wgpu::Queue,
+    place: wgpu::TexelCopyTextureInfo<'_>,
+    side: u32,
+    data: &[u8],
+    bytes_per_texel: u32,
+) {
+    queue.write_texture(
+        place,
+        data,
+        wgpu::TexelCopyBufferLayout {
+            offset: 0,
+            bytes_per_row: Some(bytes_per_texel * side),
+            rows_per_image: Some(side),
+        },
+        wgpu::Extent3d { width: side, height: side, depth_or_array_layers: 1 },
+    );
+}
+
 fn array_view(texture: &wgpu::Texture) -> wgpu::TextureView {
     texture.create_view(&wgpu::TextureViewDescriptor {
         dimension: Some(wgpu::TextureViewDimension::D2Array),
@@ -172,13 +185,23 @@ pub struct TileArrays {
     pub surface: TileArray,
     /// Photo.
     pub photo: TileArray,
+    photo_format: PhotoFormat,
+    /// Made with the first photo tile, where they are compressed.
+    compress_photo: Option<CompressPhoto>,
     /// Counts replaced arrays: bind groups of another generation are stale.
     pub generation: u64,
 }
 
 impl TileArrays {
     /// For so many elevation and photo slots. `with_surface`: the elevation layer carries surface types.
-    pub fn new(device: &wgpu::Device, elevation_slots: u32, texture_slots: u32, with_surface: bool) -> Self {
+    /// The device has the features of `photo_format`.
+    pub fn new(
+        device: &wgpu::Device,
+        elevation_slots: u32,
+        texture_slots: u32,
+        with_surface: bool,
+        photo_format: PhotoFormat,
+    ) -> Self {
         use wgpu::{TextureFormat, TextureUsages};
         let grows = TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST | TextureUsages::COPY_SRC;
         let elevation = |label, side, mips, format, usage| {
@@ -186,13 +209,17 @@ impl TileArrays {
         };
         // Where there is nothing to hold, one texel stands in.
         let surface_side = if with_surface { ELEVATION_SIDE } else { 1 };
+        let photo_format = if texture_slots > 0 { photo_format } else { PhotoFormat::Rgba8 };
         let photo = ArrayShape {
             label: "photo",
             side: if texture_slots > 0 { TEXTURE_SIDE } else { 1 },
             mips: 1,
-            format: TextureFormat::Rgba8UnormSrgb,
-            // The browser copies decoded images by drawing them.
-            usage: grows | TextureUsages::RENDER_ATTACHMENT,
+            format: photo_format.texture_format(),
+            usage: match photo_format {
+                // The browser copies decoded images by drawing them.
+                PhotoFormat::Rgba8 => grows | TextureUsages::RENDER_ATTACHMENT,
+                PhotoFormat::Bc7 | PhotoFormat::Astc => grows,
+            },
         };
         Self {
             heights: elevation("heights", ELEVATION_SIDE, 1, TextureFormat::R32Float, grows),
@@ -206,6 +233,8 @@ impl TileArrays {
             minima: None,
             surface: elevation("surface", surface_side, 1, TextureFormat::Rg8Uint, grows),
             photo: TileArray::new(device, photo, texture_slots),
+            photo_format,
+            compress_photo: None,
             generation: 0,
         }
     }
@@ -221,6 +250,16 @@ impl TileArrays {
     pub fn bytes(&self) -> u64 {
         let arrays = [&self.heights, &self.maxima, &self.surface, &self.photo];
         arrays.into_iter().chain(&self.minima).map(TileArray::bytes).sum()
+    }
+
+    /// How photo tiles are held.
+    pub fn photo_format(&self) -> PhotoFormat {
+        self.photo_format
+    }
+
+    /// The pass that compresses photo tiles, if one has been compressed.
+    pub fn compress_photo(&self) -> Option<&CompressPhoto> {
+        self.compress_photo.as_ref()
     }
 
     /// Uploads an elevation tile into its slot; the maxima (and minima) are the caller's to derive.
@@ -259,8 +298,15 @@ impl TileArrays {
         pixels: &PhotoPixels,
     ) {
         self.generation += u64::from(self.photo.ensure(device, queue, slot));
+        if self.compress_photo.is_none() {
+            self.compress_photo = CompressPhoto::new(device, self.photo_format);
+        }
+        let place = match &self.compress_photo {
+            Some(pass) => pass.tile().as_image_copy(),
+            None => self.photo.place(slot),
+        };
         match pixels {
-            PhotoPixels::Rgba(rgba) => self.photo.write(queue, slot, rgba, 4),
+            PhotoPixels::Rgba(rgba) => write_square(queue, place, TEXTURE_SIDE, rgba, 4),
             #[cfg(target_arch = "wasm32")]
             PhotoPixels::Bitmap(bitmap) => {
                 queue.copy_external_image_to_texture(
@@ -269,12 +315,18 @@ impl TileArrays {
                         origin: wgpu::Origin2d::ZERO,
                         flip_y: false,
                     },
-                    self.photo.place(slot).to_tagged(wgpu::PredefinedColorSpace::Srgb, false),
+                    place.to_tagged(wgpu::PredefinedColorSpace::Srgb, false),
                     wgpu::Extent3d { width: TEXTURE_SIDE, height: TEXTURE_SIDE, depth_or_array_layers: 1 },
                 );
                 // Its memory is the browser's, and not small.
                 bitmap.close();
             }
+        }
+        if let Some(pass) = &self.compress_photo {
+            let mut encoder = device
+                .create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("compress_photo") });
+            pass.record(&mut encoder, self.photo.place(slot));
+            queue.submit([encoder.finish()]);
         }
     }
 }

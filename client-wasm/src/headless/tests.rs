@@ -5,6 +5,7 @@ use super::fetch::{Fetched, TileFetcher};
 use super::session::Session;
 use super::{AdapterChoice, HeadlessError, open};
 use crate::engine::{Engine, EngineOptions, ViewRequest};
+use crate::passes::compress_photo::PhotoCompression;
 use crate::stream::StreamOptions;
 use crate::stream::decode::TEXTURE_SIDE;
 use crate::stream::decode::tests::encoded;
@@ -87,6 +88,7 @@ fn session() -> Session {
     let gpu = open(AdapterChoice::Software).unwrap();
     let options = EngineOptions {
         stream: StreamOptions { fade_seconds: 0.0, ..StreamOptions::default() },
+        photo_compression: PhotoCompression::default(),
         uploads_per_step: usize::MAX,
         count_fetches: true,
     };

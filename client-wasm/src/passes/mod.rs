@@ -1,5 +1,6 @@
 //! The passes: one file each, named as its shader. Pipelines are made when first needed.
 
+pub mod compress_photo;
 pub mod distance_pyramid;
 pub mod load_map;
 pub mod maximum_mip;

@@ -4,11 +4,12 @@
 //! about what views of mountains want of each (a photo has finer tiles than the terrain below it). A scene
 //! without a photo gives everything to elevation.
 
-use super::decode::{ELEVATION_SIDE, TEXTURE_SIDE};
+use super::decode::ELEVATION_SIDE;
+use crate::passes::compress_photo::PhotoFormat;
 use serde::Serialize;
 use treeline_core::tile::CELLS;
 
-/// Default budget: 96 slots of combined elevation and 160 of the photo.
+/// Default budget: 96 slots of combined elevation and 160 of the photo, 143 and 239 of it compressed.
 pub const DEFAULT_BUDGET_BYTES: u64 = 375 << 20;
 /// Slots of elevation and of the photo are as these to each other.
 const SHARES: [u64; 2] = [3, 5];
@@ -35,9 +36,6 @@ impl ElevationParts {
     }
 }
 
-/// Bytes of a photo slot on the GPU.
-pub const TEXTURE_SLOT_BYTES: u64 = 4 * (TEXTURE_SIDE as u64) * (TEXTURE_SIDE as u64);
-
 /// Slots, and what they cost.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Slots {
@@ -47,20 +45,27 @@ pub struct Slots {
     pub texture: u32,
     /// What elevation slots consist of.
     pub parts: ElevationParts,
+    /// What a photo slot takes, bytes.
+    pub texture_bytes: u64,
     /// The budget, bytes: as asked for, or the least that holds what a scene cannot do without.
     pub budget_bytes: u64,
 }
 
 impl Slots {
     /// Shares `budget_bytes` out, no fewer than `least` slots of elevation and of the photo (`None`: there
-    /// is no photo).
-    pub fn of_budget(budget_bytes: u64, parts: ElevationParts, least: (u32, Option<u32>)) -> Self {
+    /// is no photo), of which one takes `texture_bytes`.
+    pub fn of_budget(
+        budget_bytes: u64,
+        parts: ElevationParts,
+        texture_bytes: u64,
+        least: (u32, Option<u32>),
+    ) -> Self {
         let elevation_bytes = parts.slot_bytes();
         let (least_elevation, least_texture) = (least.0.min(MAXIMUM_SLOTS), least.1.unwrap_or(0));
         let least_bytes = |slots: u32, bytes: u64| u64::from(slots) * bytes;
         let kept = [
             least_bytes(least_elevation, elevation_bytes),
-            least_bytes(least_texture.min(MAXIMUM_SLOTS), TEXTURE_SLOT_BYTES),
+            least_bytes(least_texture.min(MAXIMUM_SLOTS), texture_bytes),
         ];
         let budget_bytes = budget_bytes.max(kept[0] + kept[1]);
         let slots = |bytes: u64, slot_bytes: u64, least: u32| {
@@ -68,21 +73,21 @@ impl Slots {
         };
         let Some(least_texture) = least.1 else {
             let elevation = slots(budget_bytes, elevation_bytes, least_elevation);
-            return Self { elevation, texture: 0, parts, budget_bytes };
+            return Self { elevation, texture: 0, parts, texture_bytes, budget_bytes };
         };
-        let weights = [SHARES[0] * elevation_bytes, SHARES[1] * TEXTURE_SLOT_BYTES];
+        let weights = [SHARES[0] * elevation_bytes, SHARES[1] * texture_bytes];
         let share = (budget_bytes as f64 * weights[0] as f64 / (weights[0] + weights[1]) as f64) as u64;
         // What the photo cannot do without is not given away.
         let share = share.min(budget_bytes - kept[1]);
         let elevation = slots(share, elevation_bytes, least_elevation);
         let rest = budget_bytes - u64::from(elevation) * elevation_bytes;
-        let texture = slots(rest, TEXTURE_SLOT_BYTES, least_texture.min(MAXIMUM_SLOTS));
-        Self { elevation, texture, parts, budget_bytes }
+        let texture = slots(rest, texture_bytes, least_texture.min(MAXIMUM_SLOTS));
+        Self { elevation, texture, parts, texture_bytes, budget_bytes }
     }
 
     /// What so many slots in use take, bytes.
     pub fn bytes(&self, elevation: usize, texture: usize) -> u64 {
-        elevation as u64 * self.parts.slot_bytes() + texture as u64 * TEXTURE_SLOT_BYTES
+        elevation as u64 * self.parts.slot_bytes() + texture as u64 * self.texture_bytes
     }
 }
 
@@ -96,6 +101,8 @@ pub struct MemoryStats {
     /// Texture arrays as they are: they grow by doubling up to the budget. While one grows, the smaller
     /// one lives on until the GPU has copied it.
     pub allocated_bytes: u64,
+    /// How photo tiles are held.
+    pub photo_format: PhotoFormat,
 }
 
 #[cfg(test)]
@@ -107,11 +114,15 @@ mod tests {
 
     #[test]
     fn the_default_buys_what_views_of_mountains_want() {
-        let slots = Slots::of_budget(DEFAULT_BUDGET_BYTES, ALL, (8, Some(32)));
-        assert_eq!((slots.elevation, slots.texture), (96, 160));
+        let slots = |photo: PhotoFormat| {
+            let slots = Slots::of_budget(DEFAULT_BUDGET_BYTES, ALL, photo.tile_bytes(), (8, Some(32)));
+            (slots.elevation, slots.texture)
+        };
+        assert_eq!(slots(PhotoFormat::Rgba8), (96, 160));
+        assert_eq!(slots(PhotoFormat::Bc7), (143, 239));
         let bare = ElevationParts { surface: false, minima: false };
         assert_eq!(bare.slot_bytes(), 4 * 515 * 515 + 4 * 87_381);
-        let alone = Slots::of_budget(DEFAULT_BUDGET_BYTES, ALL, (8, None));
+        let alone = Slots::of_budget(DEFAULT_BUDGET_BYTES, ALL, 0, (8, None));
         assert_eq!((alone.elevation, alone.texture), (171, 0));
     }
 
@@ -121,9 +132,10 @@ mod tests {
             budget in 0_u64..4_000_000_000,
             least in (1_u32..40, proptest::option::of(1_u32..80)),
             parts in (any::<bool>(), any::<bool>()),
+            texture_bytes in prop_oneof![Just(270_400_u64), Just(1_081_600)],
         ) {
             let parts = ElevationParts { surface: parts.0, minima: parts.1 };
-            let slots = Slots::of_budget(budget, parts, least);
+            let slots = Slots::of_budget(budget, parts, texture_bytes, least);
             prop_assert!(slots.bytes(slots.elevation as usize, slots.texture as usize) <= slots.budget_bytes);
             prop_assert!(slots.elevation >= least.0 && slots.texture >= least.1.unwrap_or(0));
             let needed = slots.bytes(least.0 as usize, least.1.unwrap_or(0) as usize);

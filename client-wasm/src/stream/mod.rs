@@ -18,6 +18,7 @@ pub mod view;
 #[cfg(test)]
 pub(crate) mod simulation;
 
+use crate::passes::compress_photo::PhotoFormat;
 use decode::ElevationSummary;
 use glam::DVec3;
 use load_map::stack::{Stack, StackOptions};
@@ -57,6 +58,8 @@ pub struct StreamOptions {
     /// GPU memory for all tiles together, bytes; [`memory`] says how it is shared. Less than what the coarsest
     /// tiles take counts as that.
     pub memory_budget_bytes: u64,
+    /// What a photo tile takes of it, bytes; the engine says it, as its device holds them.
+    pub texture_slot_bytes: u64,
     /// Largest size of a cell of the elevation map in the picture, pixels.
     pub cell_pixels: f64,
     /// Largest size of a photo texel in the picture, pixels, looked at squarely.
@@ -73,6 +76,7 @@ impl Default for StreamOptions {
             surface: SurfaceChoice::Combined,
             tile_choice: TileChoice::default(),
             memory_budget_bytes: memory::DEFAULT_BUDGET_BYTES,
+            texture_slot_bytes: PhotoFormat::default().tile_bytes(),
             cell_pixels: 1.42,
             texel_pixels: 1.42,
             requests_in_flight: 8,
@@ -190,7 +194,7 @@ impl Stream {
         };
         let least = |base: usize| (base.min(PINNED_TEXTURES) + SPARE_SLOTS) as u32;
         let least = (least(base.len()), photo_base.as_ref().map(|base| least(base.len())));
-        let slots = Slots::of_budget(options.memory_budget_bytes, parts, least);
+        let slots = Slots::of_budget(options.memory_budget_bytes, parts, options.texture_slot_bytes, least);
         let elevation = LayerStream {
             layer: row.name,
             base: base.tiles().collect(),

@@ -4,6 +4,8 @@
 //! clever. Production uses them where the answer is wanted without the GPU: the height under the camera, the
 //! place under the pointer, the rays that a frame missed.
 
+pub mod compress_photo_astc;
+pub mod compress_photo_bc7;
 pub mod crown_light;
 pub mod crowns;
 pub mod distance_pyramid;
@@ -18,6 +20,7 @@ pub mod maximum_mip;
 pub mod page_table;
 pub mod patch;
 pub mod photo;
+pub mod photo_block;
 pub mod ray;
 pub mod shadow;
 pub mod sky;
