@@ -186,7 +186,7 @@ fn browser_leaves_the_choice_of_tiles_to_the_quadtree_where_asked() -> anyhow::R
         let pipelines = page.evaluate("window.treeline.stats().pipelines.includes('load_map')")?;
         ensure!(pipelines == json!(has_map), "?tiles={tiles}");
         ensure!(page.complaints()?.is_empty(), "{:?}", page.complaints()?);
-        pictures.push(only_the_picture(&mut page)?);
+        pictures.push(page.picture()?);
     }
     let difference = picture::difference(&pictures[0], &pictures[1], 24);
     println!("load map against quadtree: {difference:?}");
@@ -195,7 +195,7 @@ fn browser_leaves_the_choice_of_tiles_to_the_quadtree_where_asked() -> anyhow::R
 }
 
 /// Which of its messages the page shows.
-fn message(page: &mut Page) -> anyhow::Result<serde_json::Value> {
+fn message(page: &mut Page) -> anyhow::Result<Value> {
     page.wait_for("document.getElementById('message').hidden === false", PATIENCE)?;
     page.evaluate("document.getElementById('message').dataset.kind")
 }

@@ -1,5 +1,5 @@
 //! Eight numbers at once, in plain arithmetic that compilers turn into vector instructions: of eight numbers
-//! where a function is compiled for AVX2 as well ([`wide!`](super::wide)), of four elsewhere.
+//! where a function is compiled for AVX2 as well ([`wide!`](crate::source::wide)), of four elsewhere.
 //!
 //! Each lane goes through exactly the operations of a scalar: the same bits, in a third of the time.
 
