@@ -163,18 +163,21 @@ impl CompressPhoto {
         (&self.blocks, ROW_BYTES)
     }
 
+    /// Records the compression of [`Self::tile`] into [`Self::blocks`]; needs no feature of the device.
+    pub fn record_blocks(&self, encoder: &mut wgpu::CommandEncoder) {
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+            label: Some("compress_photo"),
+            timestamp_writes: None,
+        });
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, &self.group, &[]);
+        let groups = BLOCKS.div_ceil(GROUP);
+        pass.dispatch_workgroups(groups, groups, 1);
+    }
+
     /// Records the compression of [`Self::tile`] into a layer of a texture array of the format.
     pub fn record(&self, encoder: &mut wgpu::CommandEncoder, target: wgpu::TexelCopyTextureInfo<'_>) {
-        {
-            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-                label: Some("compress_photo"),
-                timestamp_writes: None,
-            });
-            pass.set_pipeline(&self.pipeline);
-            pass.set_bind_group(0, &self.group, &[]);
-            let groups = BLOCKS.div_ceil(GROUP);
-            pass.dispatch_workgroups(groups, groups, 1);
-        }
+        self.record_blocks(encoder);
         encoder.copy_buffer_to_texture(
             wgpu::TexelCopyBufferInfo {
                 buffer: &self.blocks,
