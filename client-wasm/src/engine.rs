@@ -263,7 +263,8 @@ impl Engine {
             self.chosen = Some(choice);
         }
         self.stale |= arrived;
-        let plan = self.stream.plan(now);
+        let map_holds = self.survey.is_known() && self.arrived.is_empty();
+        let plan = self.stream.plan(now, map_holds);
         self.counters.started += plan.start.len() as u64;
         self.counters.cancelled += plan.cancel.len() as u64;
         self.started.extend(plan.start.iter().map(|(id, _)| (*id, now)));
@@ -345,7 +346,11 @@ impl Engine {
     /// Makes a map without a picture: where the host draws none now, and nothing that was asked for is still
     /// to come (each tile that comes would make another one due).
     fn make_map_apart(&mut self, now: f64, request: &ViewRequest, geometry: ViewGeometry) {
-        if !self.awaits_map() || !self.survey.is_due() || !self.arrived.is_empty() || !self.stream.has_all() {
+        if !self.awaits_map()
+            || !self.survey.is_due()
+            || !self.arrived.is_empty()
+            || !self.stream.has_all_sure()
+        {
             return;
         }
         let choice = self.choice_view(request);
@@ -377,7 +382,7 @@ impl Engine {
         !self.arrived.is_empty()
             || self.wants_frame(request)
             || self.renderer.has_map()
-            || (self.awaits_map() && self.survey.is_due() && self.stream.has_all())
+            || (self.awaits_map() && self.survey.is_due() && self.stream.has_all_sure())
     }
 
     /// Whether the last frame is not what a frame of this view would show now.

@@ -32,7 +32,7 @@ unsafe impl GlobalAlloc for Live {
 static HEAP: Live = Live(AtomicUsize::new(0));
 
 const SIZE: [u32; 2] = [96, 72];
-const FRAME_SECONDS: f64 = 0.2;
+const FRAME_SECONDS: f64 = 1.0;
 const MINUTES: f64 = 10.0;
 /// Too little for many of the views.
 const BUDGET_BYTES: u64 = 80_000_000;

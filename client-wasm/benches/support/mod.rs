@@ -194,7 +194,7 @@ impl Flight {
     /// Plans the network; answers how many requests there are.
     pub fn plan(&mut self) -> usize {
         self.now += 1.0 / 60.0;
-        self.stream.plan(self.now).start.len()
+        self.stream.plan(self.now, true).start.len()
     }
 
     /// Makes the page tables of a frame.
@@ -207,7 +207,7 @@ impl Flight {
         loop {
             self.read(map);
             self.now += 1.0 / 60.0;
-            let plan = self.stream.plan(self.now);
+            let plan = self.stream.plan(self.now, true);
             if plan.start.is_empty() {
                 return;
             }

@@ -102,7 +102,7 @@ struct MapChoice {
     vegetation: Option<u32>,
     threshold: Threshold,
     texel_pixels: f64,
-    scratch: Vec<(f64, TileAddress)>,
+    scratch: Vec<tile_choice::load_map::Step>,
 }
 
 impl MapChoice {
@@ -478,8 +478,10 @@ impl Stream {
         HeightRange::Between(minimum, maximum)
     }
 
-    /// Plans the network: what to ask for and what to abort, given the last choice.
-    pub fn plan(&mut self, now: f64) -> Plan {
+    /// Plans the network: what to ask for and what to abort, given the last choice. `map_holds`: no newer map
+    /// is to be made or on its way. Until then, and until all that is surely needed has come, tiles of which only
+    /// their bounds say that they may be in sight wait: a finer surface will hide many of them.
+    pub fn plan(&mut self, now: f64, map_holds: bool) -> Plan {
         self.wishes.clear();
         for layer in std::iter::once(&self.elevation).chain(&self.texture) {
             for (&address, node) in &layer.cut.nodes {
@@ -491,8 +493,14 @@ impl Stream {
                 // Shape before colour: nothing can be drawn without the coarsest elevation.
                 let first = if base && layer.layer.is_elevation() { 1e18 } else { 0.0 };
                 let second = if base { 1e15 } else { 0.0 };
-                self.wishes.push(Wish { key, priority: first + second + node.error });
+                let priority = first + second + node.error;
+                self.wishes.push(Wish { key, priority, waits: !node.sure });
             }
+        }
+        let retries =
+            |wish: &Wish| self.requests.failure(&wish.key).is_some_and(|failure| failure.not_before > now);
+        if map_holds && !self.wishes.iter().any(|wish| !wish.waits && !retries(wish)) {
+            self.wishes.iter_mut().for_each(|wish| wish.waits = false);
         }
         self.requests.plan(now, &self.wishes)
     }
@@ -604,6 +612,14 @@ impl Stream {
             && std::iter::once(&self.elevation)
                 .chain(&self.texture)
                 .all(|layer| layer.cut.nodes.keys().all(|address| layer.pool.is_known(address)))
+    }
+
+    /// Whether every tile that is surely needed has come: a map of what there is now may say more of the others.
+    pub fn has_all_sure(&self) -> bool {
+        self.arrived.iter().all(|key| !self.is_wanted(key))
+            && std::iter::once(&self.elevation).chain(&self.texture).all(|layer| {
+                layer.cut.nodes.iter().all(|(address, node)| !node.sure || layer.pool.is_known(address))
+            })
     }
 
     /// Tiles that are wanted and have failed.

@@ -44,6 +44,8 @@ pub struct Wish {
     pub key: TileKey,
     /// Larger is sooner.
     pub priority: f64,
+    /// Not to be asked for yet; what is under way goes on.
+    pub waits: bool,
 }
 
 /// What to do on the network now.
@@ -116,7 +118,7 @@ impl Requests {
         let room = self.maximum_in_flight.saturating_sub(self.in_flight.len());
         let mut waiting: Vec<&Wish> = wishes
             .iter()
-            .filter(|wish| !self.asked.contains(&wish.key))
+            .filter(|wish| !wish.waits && !self.asked.contains(&wish.key))
             .filter(|wish| self.failures.get(&wish.key).is_none_or(|failure| failure.not_before <= now))
             .collect();
         waiting.sort_by(|a, b| b.priority.total_cmp(&a.priority).then_with(|| a.key.cmp(&b.key)));
@@ -209,6 +211,7 @@ mod tests {
         Wish {
             key: TileKey { layer: Layer::Texture, address: TileAddress { level: 9, row: 1, column } },
             priority,
+            waits: false,
         }
     }
 
@@ -227,6 +230,16 @@ mod tests {
         let plan = requests.plan(0.1, &[wishes[0], wishes[2]]);
         assert_eq!(plan.start.len(), 1);
         assert_eq!(plan.start[0].1, wishes[0].key);
+    }
+
+    #[test]
+    fn what_waits_is_not_asked_for_and_goes_on_where_it_was() {
+        let mut requests = Requests::new(4);
+        let waits = |wish: Wish| Wish { waits: true, ..wish };
+        let plan = requests.plan(0.0, &[wish(1, 1.0), waits(wish(2, 9.0))]);
+        assert_eq!(plan.start.iter().map(|(_, key)| key.address.column).collect::<Vec<_>>(), [1]);
+        assert_eq!(requests.plan(0.1, &[waits(wish(1, 1.0)), waits(wish(2, 9.0))]), Plan::default());
+        assert_eq!(requests.plan(0.2, &[wish(1, 1.0), wish(2, 9.0)]).start.len(), 1);
     }
 
     #[test]

@@ -135,7 +135,7 @@ impl Simulation {
             }
         }
         self.stream.choose(view);
-        let plan = self.stream.plan(self.now);
+        let plan = self.stream.plan(self.now, true);
         for id in &plan.cancel {
             self.link.under_way.retain(|(_, other, key)| {
                 if other == id {

@@ -77,7 +77,7 @@ pub fn choose(
     for &address in limits.base {
         let HeightRange::Between(low, high) = range(address) else { continue };
         let error = error(view, address, (low, high), limits);
-        cut.nodes.insert(address, CutNode { split: false, error: error.unwrap_or(0.0) });
+        cut.nodes.insert(address, CutNode { split: false, error: error.unwrap_or(0.0), sure: true });
         if let Some(error) = error {
             heap.push(Candidate { error, address });
         }
@@ -114,7 +114,7 @@ pub fn choose(
             node.split = true;
         }
         for candidate in children.into_iter().flatten() {
-            cut.nodes.insert(candidate.address, CutNode { split: false, error: candidate.error });
+            cut.nodes.insert(candidate.address, CutNode { split: false, error: candidate.error, sure: true });
             heap.push(candidate);
         }
     }

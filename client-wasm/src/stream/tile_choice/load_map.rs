@@ -13,6 +13,9 @@ const MOST_LEVELS: i32 = 6;
 /// What a tile counts for that only the eye's next place wants.
 const AHEAD_WEIGHT: f64 = 0.05;
 
+/// A tile that is wanted next: how much, which, and whether for sure ([`CutNode::sure`]).
+pub type Step = (f64, TileAddress, bool);
+
 /// What a layer may ask for.
 pub struct Layer<'a> {
     /// Tiles that are always wanted.
@@ -29,29 +32,30 @@ pub fn choose(
     cut: &mut Cut,
     list: &TileList,
     layer: &Layer<'_>,
-    scratch: &mut Vec<(f64, TileAddress)>,
+    scratch: &mut Vec<Step>,
     has: impl Fn(TileAddress) -> bool,
 ) {
     cut.nodes.clear();
     cut.limited = false;
     for &address in layer.base {
-        cut.nodes.insert(address, CutNode { split: false, error: 0.0 });
+        cut.nodes.insert(address, CutNode { split: false, error: 0.0, sure: true });
     }
     scratch.clear();
     scratch.extend(list.current().iter().filter(|named| has(named.address)).map(|named| step(named, layer)));
     scratch.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then_with(|| a.1.cmp(&b.1)));
-    for &(error, address) in scratch.iter() {
+    for &(error, address, sure) in scratch.iter() {
         // Until it comes, the finest that is there is drawn in its place, and so must stay.
         let stand_in = if layer.pool.is_known(&address) { None } else { layer.pool.nearest(address) };
-        let new = [Some((address, error)), stand_in.map(|(tile, _)| (tile, 0.0))];
-        let missing = new.iter().flatten().filter(|(tile, _)| !cut.nodes.contains_key(tile)).count();
+        let new = [Some((address, error, sure)), stand_in.map(|(tile, _)| (tile, 0.0, true))];
+        let missing = new.iter().flatten().filter(|(tile, ..)| !cut.nodes.contains_key(tile)).count();
         if cut.nodes.len() + missing > layer.capacity {
             cut.limited = true;
             break;
         }
-        for (tile, error) in new.into_iter().flatten() {
-            let node = cut.nodes.entry(tile).or_insert(CutNode { split: false, error });
+        for (tile, error, sure) in new.into_iter().flatten() {
+            let node = cut.nodes.entry(tile).or_insert(CutNode { split: false, error, sure });
             node.error = node.error.max(error);
+            node.sure |= sure;
         }
     }
     mark_split(cut, scratch);
@@ -59,7 +63,7 @@ pub fn choose(
 
 /// What is asked for now on the way to a tile, and how much it matters: pixels times how many times too
 /// coarse they are drawn.
-fn step(named: &Named, layer: &Layer<'_>) -> (f64, TileAddress) {
+fn step(named: &Named, layer: &Layer<'_>) -> Step {
     let wanted = named.address;
     let drawn = layer.pool.nearest(wanted).map_or(0, |(tile, _)| tile.level);
     let known = layer.pool.is_known(&wanted);
@@ -68,14 +72,14 @@ fn step(named: &Named, layer: &Layer<'_>) -> (f64, TileAddress) {
     // A tile of which only a corner shows has no pixel's centre, and still counts.
     let priority = (f64::from(named.pixels) + 0.5) * error * weight;
     let level = if known { wanted.level } else { wanted.level.min(drawn.saturating_add(LEVELS_AT_ONCE)) };
-    (priority, wanted.ancestor(level).unwrap_or(wanted))
+    (priority, wanted.ancestor(level).unwrap_or(wanted), named.pixels > 0 || named.ahead)
 }
 
 /// Marks the tiles that have others below them.
-fn mark_split(cut: &mut Cut, scratch: &mut Vec<(f64, TileAddress)>) {
+fn mark_split(cut: &mut Cut, scratch: &mut Vec<Step>) {
     scratch.clear();
-    scratch.extend(cut.nodes.keys().map(|&address| (0.0, address)));
-    for &(_, address) in scratch.iter() {
+    scratch.extend(cut.nodes.keys().map(|&address| (0.0, address, true)));
+    for &(_, address, _) in scratch.iter() {
         let mut next = address.parent();
         while let Some(ancestor) = next {
             if let Some(node) = cut.nodes.get_mut(&ancestor) {

@@ -32,6 +32,9 @@ pub struct CutNode {
     pub split: bool,
     /// Error on the screen if this tile were not refined, in multiples of what is allowed.
     pub error: f64,
+    /// Whether it is known to be needed: a pixel's ray wants it, or the eye's next place will. Else its bounds
+    /// alone say that it may be in sight, over a surface that may still be too coarse to hide it.
+    pub sure: bool,
 }
 
 impl Cut {
