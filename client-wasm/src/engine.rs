@@ -170,6 +170,8 @@ pub struct Engine {
     renderer: FrameRenderer,
     arrived: Vec<Arrived>,
     survey: Survey,
+    /// Whether the landscape has been drawn with its photo, where it has one.
+    has_shown: bool,
     /// Rays that the last map was made with.
     surveyed: Option<[u32; 2]>,
     /// When requests under way were started, seconds.
@@ -225,6 +227,7 @@ impl Engine {
             renderer,
             arrived: Vec::new(),
             survey: Survey::default(),
+            has_shown: false,
             surveyed: None,
             started: HashMap::new(),
             chosen: None,
@@ -409,7 +412,8 @@ impl Engine {
             // More rays see more.
             self.survey.changed();
         }
-        let ticket = self.map_due(now, &self.choice_view(request));
+        // The first landscape does not wait for the map's pipelines.
+        let ticket = if self.has_shown { self.map_due(now, &self.choice_view(request)) } else { None };
         if ticket.is_some() {
             self.surveyed = Some(geometry.size);
         }
@@ -419,6 +423,7 @@ impl Engine {
         self.drawn = Some(Drawn { request: request.clone(), geometry, view, tables });
         self.stale = false;
         self.frames += 1;
+        self.has_shown |= self.stream.shows_ground();
     }
 
     /// What every pass knows of the frame; from here on everything is relative to the eye.

@@ -672,6 +672,11 @@ impl Stream {
         })
     }
 
+    /// Whether a tile of the photo is here, or the scene has none.
+    pub fn shows_ground(&self) -> bool {
+        self.texture.as_ref().is_none_or(|texture| texture.pool.used() > 0)
+    }
+
     /// Tiles in slots, by layer.
     pub fn residents(&self) -> std::collections::BTreeMap<&'static str, usize> {
         let layers = std::iter::once(&self.elevation).chain(&self.texture);
