@@ -18,7 +18,7 @@ fn tile() -> Vec<u8> {
     (0..SIDE * SIDE)
         .flat_map(|index| {
             let (x, y) = (index % SIDE, index / SIDE);
-            let random = |seed: u32| noise(x as i64, y as i64, seed.into());
+            let random = |seed: u32| noise(x as i64, y as i64, seed);
             let smooth = ((x as f64 / 37.0).sin() + (y as f64 / 23.0).cos()) * 50.0 + 120.0;
             let grain = 24.0 * (random(1) - 0.5);
             let mut colour = match (x / 65, y / 65) {
