@@ -49,7 +49,8 @@ fn main() {
     print("cells with a word", maps[0].used() as f64, "");
     print("tiles wanted", flight.stream.progress().0 as f64, "");
     report("read a map and choose the tiles", measure(&maps, |map| flight.read(map)));
-    let mut lists = Analysis::new(Depths { texture: Some(18), elevation: 16, land_cover: None });
+    let mut lists =
+        Analysis::new(Depths { texture: Some(18), elevation: 16, elevation_coarser: 0, land_cover: None });
     report("of this, reading", measure(&maps, |map| flight.analyse(&mut lists, map)));
     report("plan the network", measure(&maps, |_| assert_eq!(flight.plan(), 0)));
     report("page tables", measure(&maps, |map| flight.draw(map)));

@@ -13,8 +13,8 @@ pub struct Placement {
     pub west: f64,
     /// Latitude of the northern edge.
     pub north: f64,
-    /// Side of a pixel.
-    pub step: f64,
+    /// Width and height of a pixel.
+    pub step: [f64; 2],
     /// Columns.
     pub columns: u32,
     /// Rows.
@@ -37,7 +37,7 @@ pub fn write_heights(
     let mut image = encoder.new_image::<Gray32Float>(columns, rows)?;
     image.rows_per_strip(64)?;
     let directory = image.encoder();
-    directory.write_tag(Tag::ModelPixelScaleTag, &[step, step, 0.0][..])?;
+    directory.write_tag(Tag::ModelPixelScaleTag, &[step[0], step[1], 0.0][..])?;
     directory.write_tag(Tag::ModelTiepointTag, &[0.0, 0.0, 0.0, west, north, 0.0][..])?;
     // Version 1.1.0, three keys: a geographic model, pixels are areas, EPSG:4326.
     let keys: [u16; 16] = [1, 1, 0, 3, 1024, 0, 1, 2, 1025, 0, 1, 1, 2048, 0, 1, 4326];
@@ -46,7 +46,7 @@ pub fn write_heights(
     let samples: Vec<f32> = (0..rows)
         .flat_map(|row| (0..columns).map(move |column| (row, column)))
         .map(|(row, column)| {
-            height(west + step * (f64::from(column) + 0.5), north - step * (f64::from(row) + 0.5))
+            height(west + step[0] * (f64::from(column) + 0.5), north - step[1] * (f64::from(row) + 0.5))
         })
         .collect();
     image.write_data(&samples)?;

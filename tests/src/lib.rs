@@ -17,6 +17,7 @@ pub mod load_map;
 pub mod load_map_gpu;
 pub mod picture;
 pub mod program;
+pub mod recall;
 pub mod reference;
 pub mod terrain_gpu;
 pub mod tile_world;

@@ -173,7 +173,7 @@ fn browser_api_pauses_steps_and_sizes() -> anyhow::Result<()> {
 fn browser_leaves_the_choice_of_tiles_to_the_quadtree_where_asked() -> anyhow::Result<()> {
     let folder = tempfile::tempdir()?;
     let dem = folder.path().join("terrain.tif");
-    let placement = Placement { west: 8.0, north: 46.5, step: 5.0e-5, columns: 1200, rows: 1000 };
+    let placement = Placement { west: 8.0, north: 46.5, step: [5.0e-5; 2], columns: 1200, rows: 1000 };
     geotiff::write_heights(&dem, &placement, |longitude, latitude| {
         (900.0 + 300.0 * (longitude * 230.0).sin() * (latitude * 250.0).cos()) as f32
     })?;

@@ -15,7 +15,8 @@ use treeline_tests::program::Server;
 /// The picture: small, so that a software adapter draws many frames.
 const SIZE: (u32, u32) = (128, 96);
 /// The terrain: 9 km by 13 km in steps of some 5 m, so that there are four levels of tiles to see.
-const PLACEMENT: Placement = Placement { west: 11.0, north: 47.12, step: 5.0e-5, columns: 2400, rows: 2400 };
+const PLACEMENT: Placement =
+    Placement { west: 11.0, north: 47.12, step: [5.0e-5; 2], columns: 2400, rows: 2400 };
 /// Bounds of [`ground`], metres.
 const LOWEST: f64 = 500.0;
 const HIGHEST: f64 = 1300.0;
@@ -32,7 +33,7 @@ fn ground(longitude: f64, latitude: f64) -> f64 {
 
 fn inside(place: &Geodetic) -> bool {
     let Placement { west, north, step, columns, rows } = PLACEMENT;
-    let (east, south) = (west + step * f64::from(columns), north - step * f64::from(rows));
+    let (east, south) = (west + step[0] * f64::from(columns), north - step[1] * f64::from(rows));
     (west + MARGIN..=east - MARGIN).contains(&place.longitude)
         && (south + MARGIN..=north - MARGIN).contains(&place.latitude)
 }

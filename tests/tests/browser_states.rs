@@ -17,7 +17,8 @@ const SIZE: (u32, u32) = (256, 192);
 /// How long a software adapter on a busy machine may take for anything.
 const PATIENCE: Duration = Duration::from_secs(60);
 /// A small terrain, but with finer levels than those that are loaded first and kept.
-const PLACEMENT: Placement = Placement { west: 8.0, north: 46.5, step: 5.0e-5, columns: 1600, rows: 1200 };
+const PLACEMENT: Placement =
+    Placement { west: 8.0, north: 46.5, step: [5.0e-5; 2], columns: 1600, rows: 1200 };
 /// A view of it, as an address has it.
 const VIEW: &str = "/#camera=8.04,46.45,3200,20,-35";
 /// Keeps every device that the page opens.

@@ -217,6 +217,7 @@ impl Stream {
             let depths = Depths {
                 texture: texture.as_ref().map(|texture| texture.maximum_level),
                 elevation: elevation.maximum_level,
+                elevation_coarser: (options.cell_pixels / options.texel_pixels).max(1.0).log2() as u8,
                 land_cover: scene.land_cover.filter(|_| scene.vegetation),
             };
             MapChoice {
@@ -695,7 +696,8 @@ fn place(
     address: TileAddress,
     summaries: &mut HashMap<TileAddress, ElevationSummary>,
 ) -> Option<u32> {
-    let wanted: HashSet<TileAddress> = layer.cut.nodes.keys().chain(&layer.base).copied().collect();
+    // Roots out of sight (of a planet, or around a pole) are not among them: they may make room.
+    let wanted: HashSet<TileAddress> = layer.cut.nodes.keys().copied().collect();
     let (placement, evicted) = layer.pool.place(address, &wanted);
     if let Some(evicted) = evicted {
         summaries.remove(&evicted);

@@ -51,6 +51,17 @@ impl TileList {
         self.named.push(Named { address, pixels, ahead, at: now });
     }
 
+    /// Leaves tiles that show in fewer pixels than `least` to their parents, whose samples are twice as far apart:
+    /// a tile costs the same however little of it is seen. Not above the level `coarsest`, and only one level up.
+    pub fn leave_to_parents(&mut self, least: u32, coarsest: u8) {
+        merge_same(&mut self.named);
+        for named in
+            self.named.iter_mut().filter(|named| named.pixels < least && named.address.level > coarsest)
+        {
+            named.address = named.address.parent().unwrap_or(named.address);
+        }
+    }
+
     /// Ends a reading: what was named becomes the current list, with what is held of the last one. `is_here`
     /// says which tiles have come.
     pub fn end(&mut self, hold: Hold, is_here: impl Fn(&TileAddress) -> bool) {
@@ -173,6 +184,21 @@ impl PatternList {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_hardly_shows_is_left_to_its_parent() {
+        let parent = TileAddress::at(12, 11.0, 47.0);
+        let [first, second, third, _] = parent.children();
+        let mut list = TileList::default();
+        for (tile, pixels) in [(first, 4), (second, 30), (third, 5), (third.children()[2], 9), (parent, 3)] {
+            list.name(tile, pixels, false, 0.0);
+        }
+        list.leave_to_parents(10, 12);
+        list.end(Hold::Clears, |_| true);
+        let found: Vec<_> = list.current().iter().map(|named| (named.address, named.pixels)).collect();
+        // One level up, however few pixels there are then, and not above the coarsest.
+        assert_eq!(found, [(parent, 12), (second, 30), (third, 9)]);
+    }
     use proptest::prelude::*;
     use std::collections::BTreeSet;
 

@@ -17,6 +17,9 @@ use treeline_shaders::load_map::{
 /// and goes at a ridge does not flicker.
 const HOLD_SECONDS: f64 = 0.6;
 
+/// An elevation tile that shows in a smaller share of the pixels with ground is left to its parent.
+const LEAST_SHARE: f64 = 1.0 / 400.0;
+
 /// What each list may hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Depths {
@@ -24,6 +27,8 @@ pub struct Depths {
     pub texture: Option<u8>,
     /// Deepest level of the elevation.
     pub elevation: u8,
+    /// So many levels coarser than the photo's texels may the elevation's cells be.
+    pub elevation_coarser: u8,
     /// Where the land cover's levels stand, if the scene has vegetation.
     pub land_cover: Option<LandCoverLevels>,
 }
@@ -102,6 +107,8 @@ impl Analysis {
         }
         self.visible.sort_unstable();
         self.visible.dedup();
+        let pixels: u64 = reading.pixels[..used].iter().map(|&count| u64::from(count)).sum();
+        self.elevation.leave_to_parents((pixels as f64 * LEAST_SHARE) as u32, stack.level(0));
         let hold = if moves { Hold::Since(now - HOLD_SECONDS) } else { Hold::Clears };
         self.texture.end(hold, is_here[0]);
         self.elevation.end(hold, is_here[1]);
@@ -115,9 +122,9 @@ impl Analysis {
             self.texture.name(texture, pixels, ahead, now);
         }
         // Heights do not blend: only the photo wants the coarser level too.
-        if let Some(elevation) =
-            within(address, self.depths.elevation).filter(|_| word & (WANTED | AHEAD) != 0)
-        {
+        let level = address.level.saturating_sub(self.depths.elevation_coarser);
+        let elevation = address.ancestor(level.min(self.depths.elevation));
+        if let Some(elevation) = elevation.filter(|_| word & (WANTED | AHEAD) != 0) {
             self.elevation.name(elevation, pixels, ahead, now);
         }
         if word & WANTED == 0 {
@@ -197,7 +204,7 @@ mod tests {
 
     fn analysis() -> Analysis {
         let land_cover = Some(LandCoverLevels { l0: 16, l1: 15, l2: 14, bits: 16, anchor: 14 });
-        Analysis::new(Depths { texture: Some(17), elevation: 14, land_cover })
+        Analysis::new(Depths { texture: Some(17), elevation: 14, elevation_coarser: 0, land_cover })
     }
 
     fn read(

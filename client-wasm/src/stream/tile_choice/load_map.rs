@@ -13,8 +13,18 @@ const MOST_LEVELS: i32 = 6;
 /// What a tile counts for that only the eye's next place wants.
 const AHEAD_WEIGHT: f64 = 0.05;
 
-/// A tile that is wanted next: how much, which, and whether for sure ([`CutNode::sure`]).
-pub type Step = (f64, TileAddress, bool);
+/// A tile that is wanted next.
+#[derive(Clone, Copy, Debug)]
+pub struct Step {
+    address: TileAddress,
+    /// What it would matter if nothing at all had come: says who stays where slots run out. It does not change with
+    /// what comes, or tiles would push each other out for ever.
+    worth: f64,
+    /// How much is wrong without it now: says what is asked for first.
+    error: f64,
+    /// [`CutNode::sure`].
+    sure: bool,
+}
 
 /// What a layer may ask for.
 pub struct Layer<'a> {
@@ -42,8 +52,8 @@ pub fn choose(
     }
     scratch.clear();
     scratch.extend(list.current().iter().filter(|named| has(named.address)).map(|named| step(named, layer)));
-    scratch.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then_with(|| a.1.cmp(&b.1)));
-    for &(error, address, sure) in scratch.iter() {
+    scratch.sort_unstable_by(|a, b| b.worth.total_cmp(&a.worth).then_with(|| a.address.cmp(&b.address)));
+    for &Step { address, error, sure, .. } in scratch.iter() {
         // Until it comes, the finest that is there is drawn in its place, and so must stay.
         let stand_in = if layer.pool.is_known(&address) { None } else { layer.pool.nearest(address) };
         let new = [Some((address, error, sure)), stand_in.map(|(tile, _)| (tile, 0.0, true))];
@@ -67,19 +77,25 @@ fn step(named: &Named, layer: &Layer<'_>) -> Step {
     let wanted = named.address;
     let drawn = layer.pool.nearest(wanted).map_or(0, |(tile, _)| tile.level);
     let known = layer.pool.is_known(&wanted);
-    let error = f64::from((i32::from(wanted.level) - i32::from(drawn)).min(MOST_LEVELS)).exp2();
+    let too_coarse =
+        |level: u8| f64::from((i32::from(wanted.level) - i32::from(level)).min(MOST_LEVELS)).exp2();
     let weight = if named.ahead { AHEAD_WEIGHT } else { 1.0 };
     // A tile of which only a corner shows has no pixel's centre, and still counts.
-    let priority = (f64::from(named.pixels) + 0.5) * error * weight;
+    let pixels = (f64::from(named.pixels) + 0.5) * weight;
     let level = if known { wanted.level } else { wanted.level.min(drawn.saturating_add(LEVELS_AT_ONCE)) };
-    (priority, wanted.ancestor(level).unwrap_or(wanted), named.pixels > 0 || named.ahead)
+    Step {
+        address: wanted.ancestor(level).unwrap_or(wanted),
+        worth: pixels * too_coarse(layer.base.first().map_or(0, |tile| tile.level)),
+        error: pixels * too_coarse(drawn),
+        sure: named.pixels > 0 || named.ahead,
+    }
 }
 
 /// Marks the tiles that have others below them.
 fn mark_split(cut: &mut Cut, scratch: &mut Vec<Step>) {
     scratch.clear();
-    scratch.extend(cut.nodes.keys().map(|&address| (0.0, address, true)));
-    for &(_, address, _) in scratch.iter() {
+    scratch.extend(cut.nodes.keys().map(|&address| Step { address, worth: 0.0, error: 0.0, sure: true }));
+    for &Step { address, .. } in scratch.iter() {
         let mut next = address.parent();
         while let Some(ancestor) = next {
             if let Some(node) = cut.nodes.get_mut(&ancestor) {
