@@ -3,7 +3,7 @@
 //! Pure code for native and wasm: no I/O, no async, no clock, no thread, no GPU.
 //! Follow one tile through the modules: [`tile`] names it, [`grid`] says where its samples
 //! stand, [`geodesy`] puts them on the ellipsoid, [`layer`] says what a layer's tile looks like,
-//! [`query`] spells its URL, [`codec`] packs it, [`hash`] and [`seeds`] grow its trees,
+//! [`query`] spells its URL, [`codec`] packs it, [`hash`] and [`seeds`] grow its trees, [`tree_model`] says what they look like near by,
 //! [`scene`] describes all of it to a client, [`camera`] says who looks and [`sun`] by which light.
 
 pub mod camera;
@@ -18,3 +18,4 @@ pub mod scene;
 pub mod seeds;
 pub mod sun;
 pub mod tile;
+pub mod tree_model;

@@ -1,0 +1,104 @@
+//! A model cut into pieces small enough for planes to share.
+
+use crate::tree_model::quad::{Corner, Quad};
+use glam::Vec3;
+use std::collections::BTreeMap;
+
+/// A part of a quad of the model.
+#[derive(Clone, Debug)]
+pub struct Piece {
+    /// The part, with its own corners' attributes.
+    pub quad: Quad,
+    /// Its corners in [`Pieces::vertices`].
+    pub corners: [u32; 4],
+    /// Area.
+    pub area: f32,
+    /// Unit normal, zero where it has none.
+    pub normal: Vec3,
+}
+
+/// Pieces with welded vertices.
+#[derive(Clone, Debug, Default)]
+pub struct Pieces {
+    /// All different places, corners of the model's quads first seen and of the cuts.
+    pub vertices: Vec<Vec3>,
+    /// The pieces.
+    pub list: Vec<Piece>,
+}
+
+/// Quads are cut into at most this many parts along a side.
+const MOST_CUTS: f32 = 12.0;
+
+impl Pieces {
+    /// Cuts quads until no side is longer than `longest`, and welds corners nearer than `weld` to
+    /// one another: neighbours share a vertex, which then is tested once, and moves with both. A
+    /// welded vertex stands where the first of its corners does, at most √3·`weld` from the others.
+    pub fn new(quads: &[Quad], longest: f32, weld: f32) -> Self {
+        let mut pieces = Self::default();
+        let mut known: BTreeMap<[i32; 3], u32> = BTreeMap::new();
+        for quad in quads {
+            let [a, b, c, d] = quad.places();
+            let cuts = |length: f32| (length / longest).ceil().clamp(1.0, MOST_CUTS) as usize;
+            let (columns, rows) =
+                (cuts(a.distance(b).max(c.distance(d))), cuts(b.distance(c).max(a.distance(d))));
+            for row in 0..rows {
+                for column in 0..columns {
+                    let at =
+                        |i: usize, j: usize| mixed(quad, i as f32 / columns as f32, j as f32 / rows as f32);
+                    let part = Quad {
+                        corners: [
+                            at(column, row),
+                            at(column + 1, row),
+                            at(column + 1, row + 1),
+                            at(column, row + 1),
+                        ],
+                    };
+                    let places = part.places();
+                    let corners = places.map(|place| {
+                        let key = (place / weld).round().to_array().map(|value| value as i32);
+                        *known.entry(key).or_insert_with(|| {
+                            pieces.vertices.push(place);
+                            pieces.vertices.len() as u32 - 1
+                        })
+                    });
+                    let cross = 0.5 * (places[2] - places[0]).cross(places[3] - places[1]);
+                    pieces.list.push(Piece {
+                        quad: part,
+                        corners,
+                        area: cross.length(),
+                        normal: cross.normalize_or_zero(),
+                    });
+                }
+            }
+        }
+        pieces
+    }
+
+    /// Heights of all vertices over a plane through the origin.
+    pub fn heights(&self, normal: Vec3) -> Vec<f32> {
+        self.vertices.iter().map(|&place| place.dot(normal)).collect()
+    }
+
+    /// Least and greatest height of a piece's corners, from [`Self::heights`].
+    pub fn span(&self, piece: usize, heights: &[f32]) -> [f32; 2] {
+        let corners = self.list[piece].corners.map(|corner| heights[corner as usize]);
+        let [low, high] =
+            [f32::min, f32::max].map(|pick| corners[1..].iter().fold(corners[0], |sum, &h| pick(sum, h)));
+        [low, high]
+    }
+}
+
+/// A quad's corner between its corners: u from 0 to 1, v from 1 to 2 (and 0 to 3).
+fn mixed(quad: &Quad, u: f32, v: f32) -> Corner {
+    let weights = [(1.0 - u) * (1.0 - v), u * (1.0 - v), u * v, (1.0 - u) * v];
+    let mix = |value: &dyn Fn(&Corner) -> f32| -> f32 {
+        quad.corners.iter().zip(weights).map(|(corner, weight)| value(corner) * weight).sum()
+    };
+    Corner {
+        position: [0, 1, 2].map(|axis| mix(&|corner| corner.position[axis])),
+        uv: [0, 1].map(|axis| mix(&|corner| corner.uv[axis])),
+        normal: [0, 1, 2].map(|axis| mix(&|corner| corner.normal[axis])),
+        shade: mix(&|corner| corner.shade),
+        foliage: mix(&|corner| corner.foliage),
+    }
+}

@@ -1,0 +1,450 @@
+//! How each kind of tree grows: the parameters of the model, by the species' name.
+//!
+//! They are a part of those of J. Weber and J. Penn, *Creation and Rendering of Realistic Trees*
+//! (SIGGRAPH 1995): per level of branches a number, a down angle with its change along the parent, a
+//! curve, a length and their variations; a ratio of radii; attraction upwards. Their pruning
+//! envelope is the crown of the canopy map, and it alone ends the first branches.
+
+use crate::seeds::{CrownShape, SpeciesDefinition};
+
+/// A picture of a twig.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Twig {
+    /// Needles on a flat fan of shoots; needles per texel of shoot.
+    Spray {
+        /// Needles per texel of a shoot's length.
+        density: f32,
+    },
+    /// Bundles of long needles.
+    Tufts {
+        /// Length of a needle over the picture's side.
+        needle: f32,
+    },
+    /// Leaves.
+    Leaves {
+        /// Length of a leaf over the picture's side.
+        length: f32,
+        /// Its width.
+        width: f32,
+        /// Depth of its lobes, 0 … 1.
+        lobes: f32,
+        /// Narrow twigs that hang.
+        hanging: bool,
+    },
+}
+
+/// A bark.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bark {
+    /// sRGB, 0 … 1.
+    pub colour: [f32; 3],
+    /// Depth of its streaks, 0 … 1.
+    pub contrast: f32,
+    /// Streaks across in place of along.
+    pub bands: bool,
+}
+
+/// A level of branches.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Branches {
+    /// Number on a parent.
+    pub count: u32,
+    /// Branches that begin together; 1: each alone.
+    pub whorl: u32,
+    /// Where along the parent they begin and end, shares of its length (limbs: of the way from the
+    /// crown's bottom to its top).
+    pub range: [f32; 2],
+    /// Angle to the parent's direction at the beginning and at the end of the range, degrees.
+    pub down: [f32; 2],
+    /// Its variation, degrees.
+    pub down_variation: f32,
+    /// Bend along the branch, degrees, upwards positive: of its first half and of its second.
+    pub curve: [f32; 2],
+    /// Variation of the bend, degrees.
+    pub curve_variation: f32,
+    /// Length over the parent's; limbs end at the crown's surface.
+    pub length: f32,
+    /// Least share of the way to the crown's surface that a limb takes.
+    pub least_reach: f32,
+    /// Pieces of a branch.
+    pub segments: usize,
+}
+
+/// How foliage sits on the last branches.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Foliage {
+    /// A folded sheet along the whole branch, and one that hangs from it.
+    Sheets {
+        /// Width over length.
+        width: f32,
+        /// Slope of the two halves of the fold, degrees downwards.
+        fold: f32,
+        /// Depth of the hanging sheet over the branch's length.
+        curtain: f32,
+    },
+    /// Cards along the branch and at its tip.
+    Cards {
+        /// Cards on a branch.
+        count: u32,
+        /// Side of a card over the tree's height.
+        size: f32,
+        /// How far cards turn downwards, 0 … 1.
+        hang: f32,
+    },
+}
+
+/// A growth form.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GrowthForm {
+    /// Stems from one foot.
+    pub stems: u32,
+    /// How far stems lean outwards, degrees.
+    pub lean: f32,
+    /// Radius of the trunk at its foot.
+    pub trunk_radius: f32,
+    /// Height where the trunk's wood ends.
+    pub trunk_top: f32,
+    /// Wander of the trunk, degrees a segment.
+    pub trunk_bend: f32,
+    /// Foliage below the crown's rim, as a share of the crown's length.
+    pub hanging: f32,
+    /// First branches.
+    pub limbs: Branches,
+    /// Branches on those, where there are any.
+    pub twigs: Option<Branches>,
+    /// Pull on a twig's direction, upwards positive.
+    pub attraction: f32,
+    /// Foliage.
+    pub foliage: Foliage,
+    /// Its picture.
+    pub twig: Twig,
+    /// Its colour, sRGB, 0 … 1.
+    pub colour: [f32; 3],
+    /// Bark.
+    pub bark: Bark,
+}
+
+/// What a species is made as.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Form {
+    /// Grown.
+    Plant(&'static GrowthForm),
+    /// A boulder of a colour, sRGB, 0 … 1.
+    Boulder([f32; 3]),
+}
+
+const BROWN: Bark = Bark { colour: [0.34, 0.28, 0.23], contrast: 0.4, bands: false };
+const GREY: Bark = Bark { colour: [0.47, 0.46, 0.42], contrast: 0.22, bands: false };
+const RED: Bark = Bark { colour: [0.50, 0.34, 0.24], contrast: 0.35, bands: false };
+const WHITE: Bark = Bark { colour: [0.80, 0.79, 0.75], contrast: 0.75, bands: true };
+
+const SPRUCE: GrowthForm = GrowthForm {
+    stems: 1,
+    lean: 0.0,
+    trunk_radius: 0.012,
+    trunk_top: 0.97,
+    trunk_bend: 0.4,
+    hanging: 0.06,
+    limbs: Branches {
+        count: 120,
+        whorl: 5,
+        range: [0.0, 0.965],
+        down: [104.0, 48.0],
+        down_variation: 7.0,
+        curve: [-12.0, 26.0],
+        curve_variation: 9.0,
+        length: 1.0,
+        least_reach: 0.82,
+        segments: 3,
+    },
+    twigs: None,
+    attraction: 0.0,
+    foliage: Foliage::Sheets { width: 0.62, fold: 24.0, curtain: 0.30 },
+    twig: Twig::Spray { density: 1.5 },
+    colour: [0.30, 0.40, 0.25],
+    bark: BROWN,
+};
+
+const FIR: GrowthForm = GrowthForm {
+    limbs: Branches { down: [96.0, 60.0], curve: [-4.0, 8.0], whorl: 6, ..SPRUCE.limbs },
+    foliage: Foliage::Sheets { width: 0.72, fold: 10.0, curtain: 0.2 },
+    colour: [0.27, 0.38, 0.27],
+    bark: GREY,
+    ..SPRUCE
+};
+
+const LARCH: GrowthForm = GrowthForm {
+    limbs: Branches {
+        count: 100,
+        whorl: 1,
+        down: [98.0, 52.0],
+        down_variation: 14.0,
+        curve: [-8.0, 34.0],
+        curve_variation: 16.0,
+        least_reach: 0.68,
+        ..SPRUCE.limbs
+    },
+    foliage: Foliage::Sheets { width: 0.55, fold: 30.0, curtain: 0.26 },
+    twig: Twig::Spray { density: 0.85 },
+    colour: [0.42, 0.50, 0.26],
+    bark: RED,
+    trunk_bend: 1.0,
+    ..SPRUCE
+};
+
+const PINE: GrowthForm = GrowthForm {
+    trunk_radius: 0.015,
+    trunk_top: 0.9,
+    trunk_bend: 2.2,
+    hanging: 0.12,
+    limbs: Branches {
+        count: 30,
+        whorl: 4,
+        range: [0.02, 0.93],
+        down: [88.0, 40.0],
+        down_variation: 12.0,
+        curve: [-6.0, 30.0],
+        curve_variation: 22.0,
+        length: 1.0,
+        least_reach: 0.74,
+        segments: 3,
+    },
+    twigs: Some(Branches {
+        count: 7,
+        whorl: 1,
+        range: [0.35, 1.0],
+        down: [58.0, 34.0],
+        down_variation: 14.0,
+        curve: [6.0, 14.0],
+        curve_variation: 12.0,
+        length: 0.36,
+        least_reach: 0.7,
+        segments: 1,
+    }),
+    attraction: 0.35,
+    foliage: Foliage::Cards { count: 4, size: 0.072, hang: 0.0 },
+    twig: Twig::Tufts { needle: 0.2 },
+    colour: [0.33, 0.42, 0.29],
+    bark: RED,
+    ..SPRUCE
+};
+
+const STONE_PINE: GrowthForm = GrowthForm {
+    trunk_radius: 0.02,
+    limbs: Branches { count: 40, down: [80.0, 30.0], curve: [0.0, 44.0], ..PINE.limbs },
+    foliage: Foliage::Cards { count: 4, size: 0.068, hang: 0.0 },
+    twig: Twig::Tufts { needle: 0.17 },
+    colour: [0.27, 0.37, 0.27],
+    bark: BROWN,
+    ..PINE
+};
+
+const DWARF_PINE: GrowthForm = GrowthForm {
+    stems: 7,
+    lean: 42.0,
+    trunk_radius: 0.025,
+    trunk_top: 0.75,
+    trunk_bend: 9.0,
+    hanging: 0.3,
+    limbs: Branches { count: 9, whorl: 1, range: [0.1, 0.98], down: [62.0, 30.0], ..PINE.limbs },
+    twigs: Some(Branches {
+        count: 4,
+        whorl: 1,
+        range: [0.3, 1.0],
+        down: [52.0, 34.0],
+        down_variation: 16.0,
+        curve: [6.0, 14.0],
+        curve_variation: 12.0,
+        length: 0.45,
+        least_reach: 0.7,
+        segments: 1,
+    }),
+    foliage: Foliage::Cards { count: 4, size: 0.17, hang: 0.0 },
+    ..STONE_PINE
+};
+
+const BEECH: GrowthForm = GrowthForm {
+    stems: 1,
+    lean: 0.0,
+    trunk_radius: 0.016,
+    trunk_top: 0.82,
+    trunk_bend: 2.0,
+    hanging: 0.24,
+    limbs: Branches {
+        count: 26,
+        whorl: 1,
+        range: [0.04, 0.86],
+        down: [76.0, 22.0],
+        down_variation: 9.0,
+        curve: [6.0, -4.0],
+        curve_variation: 16.0,
+        length: 1.0,
+        least_reach: 0.8,
+        segments: 3,
+    },
+    twigs: Some(Branches {
+        count: 7,
+        whorl: 1,
+        range: [0.26, 1.0],
+        down: [56.0, 34.0],
+        down_variation: 14.0,
+        curve: [0.0, 0.0],
+        curve_variation: 14.0,
+        length: 0.42,
+        least_reach: 0.75,
+        segments: 1,
+    }),
+    attraction: 0.12,
+    foliage: Foliage::Cards { count: 6, size: 0.078, hang: 0.15 },
+    twig: Twig::Leaves { length: 0.15, width: 0.095, lobes: 0.0, hanging: false },
+    colour: [0.39, 0.50, 0.27],
+    bark: GREY,
+};
+
+const OAK: GrowthForm = GrowthForm {
+    trunk_radius: 0.022,
+    trunk_bend: 4.0,
+    limbs: Branches {
+        count: 20,
+        down: [84.0, 26.0],
+        curve: [14.0, -10.0],
+        curve_variation: 30.0,
+        least_reach: 0.74,
+        ..BEECH.limbs
+    },
+    twig: Twig::Leaves { length: 0.18, width: 0.12, lobes: 0.42, hanging: false },
+    foliage: Foliage::Cards { count: 7, size: 0.088, hang: 0.1 },
+    colour: [0.36, 0.46, 0.25],
+    bark: BROWN,
+    ..BEECH
+};
+
+const BIRCH: GrowthForm = GrowthForm {
+    trunk_radius: 0.01,
+    trunk_top: 0.92,
+    trunk_bend: 1.6,
+    hanging: 0.2,
+    limbs: Branches { count: 28, down: [58.0, 24.0], curve: [4.0, -38.0], least_reach: 0.74, ..BEECH.limbs },
+    attraction: -0.35,
+    foliage: Foliage::Cards { count: 6, size: 0.066, hang: 0.6 },
+    twig: Twig::Leaves { length: 0.115, width: 0.085, lobes: 0.0, hanging: false },
+    colour: [0.44, 0.54, 0.29],
+    bark: WHITE,
+    ..BEECH
+};
+
+const WILLOW: GrowthForm = GrowthForm {
+    trunk_radius: 0.024,
+    trunk_top: 0.7,
+    hanging: 0.4,
+    limbs: Branches { down: [56.0, 20.0], curve: [0.0, -64.0], ..BEECH.limbs },
+    attraction: -0.9,
+    foliage: Foliage::Cards { count: 6, size: 0.095, hang: 0.85 },
+    twig: Twig::Leaves { length: 0.17, width: 0.042, lobes: 0.0, hanging: true },
+    colour: [0.44, 0.53, 0.33],
+    bark: BROWN,
+    ..BEECH
+};
+
+const SHRUB: GrowthForm = GrowthForm {
+    stems: 8,
+    lean: 34.0,
+    trunk_radius: 0.018,
+    trunk_top: 0.7,
+    trunk_bend: 8.0,
+    hanging: 0.6,
+    limbs: Branches { count: 7, range: [0.0, 0.95], down: [56.0, 26.0], ..BEECH.limbs },
+    twigs: Some(Branches {
+        count: 4,
+        whorl: 1,
+        range: [0.26, 1.0],
+        down: [54.0, 34.0],
+        down_variation: 14.0,
+        curve: [0.0, 0.0],
+        curve_variation: 14.0,
+        length: 0.5,
+        least_reach: 0.75,
+        segments: 1,
+    }),
+    foliage: Foliage::Cards { count: 5, size: 0.16, hang: 0.05 },
+    twig: Twig::Leaves { length: 0.13, width: 0.075, lobes: 0.0, hanging: false },
+    colour: [0.40, 0.48, 0.28],
+    bark: BROWN,
+    ..BEECH
+};
+
+/// Words of names, and what grows under them; the first that fits counts.
+const BY_NAME: &[(&[&str], Form)] = &[
+    (&["rock", "boulder", "stone block"], Form::Boulder([0.52, 0.51, 0.48])),
+    (&["dwarf pine", "mountain pine", "mugo", "krummholz"], Form::Plant(&DWARF_PINE)),
+    (&["stone pine", "cembra", "arolla", "swiss pine"], Form::Plant(&STONE_PINE)),
+    (&["spruce", "picea", "hemlock", "tsuga"], Form::Plant(&SPRUCE)),
+    (&["fir", "abies", "douglas", "cedar", "thuja", "juniper", "cypress"], Form::Plant(&FIR)),
+    (&["larch", "larix", "tamarack"], Form::Plant(&LARCH)),
+    (&["shrub", "bush", "heath", "alder", "hazel", "scrub"], Form::Plant(&SHRUB)),
+    (&["pine", "pinus"], Form::Plant(&PINE)),
+    (&["oak", "quercus", "chestnut", "walnut"], Form::Plant(&OAK)),
+    (&["birch", "betula", "aspen", "poplar", "populus", "cottonwood"], Form::Plant(&BIRCH)),
+    (&["willow", "salix"], Form::Plant(&WILLOW)),
+    (&["beech", "fagus", "maple", "acer", "ash", "lime", "linden", "elm", "hornbeam"], Form::Plant(&BEECH)),
+];
+
+/// Trees that stay lower than this and have no name that is known are shrubs, metres.
+const SHRUB_METRES: f64 = 5.0;
+
+impl Form {
+    /// The form of a species: by its name, else by its height and the shape of its crown.
+    pub fn of(definition: &SpeciesDefinition) -> Self {
+        let name = definition.name.to_lowercase();
+        let known = BY_NAME.iter().find(|(words, _)| words.iter().any(|word| has_word(&name, word)));
+        if let Some((_, form)) = known {
+            return *form;
+        }
+        if definition.tallest_metres < SHRUB_METRES {
+            return Self::Plant(&SHRUB);
+        }
+        Self::Plant(match definition.crown {
+            CrownShape::Cone => &SPRUCE,
+            CrownShape::Paraboloid => &PINE,
+            CrownShape::Dome => &BEECH,
+        })
+    }
+}
+
+/// Whether the words stand in a name, not within a longer word (plurals aside).
+fn has_word(name: &str, words: &str) -> bool {
+    name.match_indices(words).any(|(start, _)| {
+        let before = name[..start].chars().next_back();
+        let after =
+            name[start + words.len()..].trim_start_matches("es").trim_start_matches('s').chars().next();
+        !before.is_some_and(char::is_alphabetic) && !after.is_some_and(char::is_alphabetic)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::seeds::Species;
+
+    #[test]
+    fn every_name_grows_something_like_it() {
+        let like = |name: &str, crown: CrownShape, tallest: f64| {
+            let mut definition = Species::built_in()[0].definition.clone();
+            (definition.name, definition.crown, definition.tallest_metres) =
+                (name.to_owned(), crown, tallest);
+            Form::of(&definition)
+        };
+        let cone = |name: &str| like(name, CrownShape::Cone, 30.0);
+        assert_eq!(cone("Norway spruce"), Form::Plant(&SPRUCE));
+        assert_eq!(cone("Swiss stone pine"), Form::Plant(&STONE_PINE));
+        assert_eq!(cone("Scots pine"), Form::Plant(&PINE));
+        assert_eq!(cone("Pinus mugo"), Form::Plant(&DWARF_PINE));
+        assert_eq!(cone("Silver fir"), Form::Plant(&FIR));
+        assert_eq!(cone("Firs"), Form::Plant(&FIR));
+        assert_eq!(cone("European beech"), Form::Plant(&BEECH));
+        assert!(matches!(cone("Rock"), Form::Boulder(_)));
+        assert_eq!(cone("Wollemia"), Form::Plant(&SPRUCE), "by its crown");
+        assert_eq!(like("Firmament", CrownShape::Dome, 30.0), Form::Plant(&BEECH));
+        assert_eq!(like("Rockrose", CrownShape::Dome, 2.0), Form::Plant(&SHRUB), "by its height");
+    }
+}
