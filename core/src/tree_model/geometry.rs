@@ -42,7 +42,7 @@ pub fn plant(form: &GrowthForm, envelope: &Envelope, pictures: &Pictures, random
         }
     }
     let crest = match form.foliage {
-        Foliage::Sheets { .. } => 0.07,
+        Foliage::Sheets { .. } => 0.045,
         Foliage::Cards { size, .. } => size,
     };
     builder.crest(crest, random);
@@ -83,7 +83,8 @@ fn wood(stem: &Stem, envelope: &Envelope, pictures: &Pictures, quads: &mut Vec<Q
                 position: place.to_array(),
                 uv: uv_in(&pictures.bark, pictures.side, u, v),
                 normal: out.to_array(),
-                shade: if place.z < envelope.bottom { 0.75 } else { shade(envelope, place) },
+                // Wood within the crown stands in the shade of its leaves.
+                shade: if place.z < envelope.bottom { 0.75 } else { 0.4 * shade(envelope, place) },
                 foliage: 0.0,
             };
             quads.push(Quad {

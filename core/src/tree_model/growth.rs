@@ -110,6 +110,8 @@ pub struct GrowthForm {
     pub hanging: f32,
     /// First branches.
     pub limbs: Branches,
+    /// How much closer they stand towards the top: 1 is evenly.
+    pub crowding: f32,
     /// Branches on those, where there are any.
     pub twigs: Option<Branches>,
     /// Pull on a twig's direction, upwards positive.
@@ -146,7 +148,7 @@ const SPRUCE: GrowthForm = GrowthForm {
     trunk_bend: 0.4,
     hanging: 0.06,
     limbs: Branches {
-        count: 120,
+        count: 132,
         whorl: 5,
         range: [0.0, 0.965],
         down: [104.0, 48.0],
@@ -157,11 +159,12 @@ const SPRUCE: GrowthForm = GrowthForm {
         least_reach: 0.82,
         segments: 3,
     },
+    crowding: 1.45,
     twigs: None,
     attraction: 0.0,
     foliage: Foliage::Sheets { width: 0.62, fold: 24.0, curtain: 0.30 },
     twig: Twig::Spray { density: 1.5 },
-    colour: [0.30, 0.40, 0.25],
+    colour: [0.32, 0.42, 0.26],
     bark: BROWN,
 };
 
@@ -186,7 +189,7 @@ const LARCH: GrowthForm = GrowthForm {
     },
     foliage: Foliage::Sheets { width: 0.55, fold: 30.0, curtain: 0.26 },
     twig: Twig::Spray { density: 0.85 },
-    colour: [0.42, 0.50, 0.26],
+    colour: [0.47, 0.55, 0.29],
     bark: RED,
     trunk_bend: 1.0,
     ..SPRUCE
@@ -209,6 +212,7 @@ const PINE: GrowthForm = GrowthForm {
         least_reach: 0.74,
         segments: 3,
     },
+    crowding: 1.0,
     twigs: Some(Branches {
         count: 7,
         whorl: 1,
@@ -282,6 +286,7 @@ const BEECH: GrowthForm = GrowthForm {
         least_reach: 0.8,
         segments: 3,
     },
+    crowding: 1.0,
     twigs: Some(Branches {
         count: 7,
         whorl: 1,

@@ -52,6 +52,10 @@ pub const ATLAS_SIDE: u32 = 1024;
 /// Texels per height of the tree in the pictures of levels 1, 2 and 3; less where an atlas would be too small.
 const TEXELS: [f32; 3] = [208.0, 128.0, 104.0];
 
+/// Share of the direction to the eye in the normals of levels 1, 2 and 3: their corners do not know
+/// from which side they are seen.
+pub const TOWARDS_EYE: f32 = 0.45;
+
 /// A level of detail of a species.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TreeLevel {
@@ -188,49 +192,48 @@ fn draw(
     canvas: &mut [u8],
     regions: &mut Vec<Region>,
 ) -> Vec<TreeLevel> {
-    let mut scale = 1.0;
-    loop {
-        let drawn: Vec<Vec<Vec<cloud::Drawn>>> = covers
-            .iter()
-            .zip(TEXELS)
-            .map(|(covers, texels)| {
-                let models = models.iter().zip(covers);
-                models.map(|(model, cover)| cloud::draw(model, cover, sprites, texels * scale)).collect()
+    let layouts: Vec<Vec<cloud::Layout>> = covers
+        .iter()
+        .map(|covers| {
+            models.iter().zip(covers).map(|(model, cover)| cloud::Layout::new(model, cover)).collect()
+        })
+        .collect();
+    let sizes = |scale: f32| -> Vec<[u32; 2]> {
+        let levels = layouts.iter().zip(TEXELS);
+        levels
+            .flat_map(|(variants, texels)| {
+                variants.iter().flat_map(move |layout| layout.sizes(texels * scale))
             })
-            .collect();
-        let pictures = || drawn.iter().flatten().flatten();
-        let sizes: Vec<[u32; 2]> =
-            pictures().map(|picture| [picture.width as u32, picture.height as u32]).collect();
-        // Pictures of four texels a side always fit: the way down ends.
-        let Some(places) = packer.clone().place_all(&sizes) else {
-            scale *= 0.9;
-            continue;
-        };
-        for (picture, region) in pictures().zip(&places) {
-            copy(&picture.rgba, region, canvas);
+            .collect()
+    };
+    // Pictures of four texels a side always fit: the way down ends.
+    let (scale, places) = std::iter::successors(Some(1.0_f32), |scale| Some(scale * 0.95))
+        .find_map(|scale| Some((scale, packer.clone().place_all(&sizes(scale))?)))
+        .unwrap_or_default();
+    let mut next = places.iter();
+    let mut placed = |picture: &cloud::Drawn| {
+        let region = next.next().copied().unwrap_or_default();
+        copy(&picture.rgba, &region, canvas);
+        let mut quad = picture.quad;
+        for corner in &mut quad.corners {
+            corner.uv = geometry::uv_in(&region, ATLAS_SIDE, corner.uv[0], corner.uv[1]);
         }
-        let mut next = places.iter();
-        let mut placed = |picture: &cloud::Drawn| {
-            let region = next.next().copied().unwrap_or_default();
-            let mut quad = picture.quad;
-            for corner in &mut quad.corners {
-                corner.uv = geometry::uv_in(&region, ATLAS_SIDE, corner.uv[0], corner.uv[1]);
-            }
-            quad
-        };
-        let levels = drawn
-            .iter()
-            .zip(covers)
-            .map(|(variants, covers)| {
-                let epsilon = covers.iter().map(|cover| cover.epsilon).fold(0.0, f32::max);
-                let variants =
-                    variants.iter().map(|planes| planes.iter().map(&mut placed).collect()).collect();
-                TreeLevel::new(variants, epsilon)
-            })
-            .collect();
-        regions.extend(places);
-        return levels;
-    }
+        quad
+    };
+    let levels = layouts
+        .iter()
+        .zip(covers)
+        .zip(TEXELS)
+        .map(|((variants, covers), texels)| {
+            let epsilon = covers.iter().map(|cover| cover.epsilon).fold(0.0, f32::max);
+            let draw = |layout: &cloud::Layout| {
+                layout.draw(sprites, texels * scale).iter().map(&mut placed).collect()
+            };
+            TreeLevel::new(variants.iter().map(draw).collect(), epsilon)
+        })
+        .collect();
+    regions.extend(&places);
+    levels
 }
 
 #[cfg(test)]

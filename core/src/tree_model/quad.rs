@@ -9,8 +9,8 @@ pub struct Corner {
     /// Place in the species' atlas, 0 … 1, v downwards.
     pub uv: [f32; 2],
     /// Direction for lighting, of length 1 or less. Foliage has the crown's soft normal, wood that of its
-    /// surface. On a billboard cloud's planes it is the mean of what is drawn there: shorter where
-    /// that points many ways. Quads are seen from both sides.
+    /// surface. On a billboard cloud's planes it lies in the plane and is shorter, for both sides
+    /// are seen: the drawing side adds [`super::TOWARDS_EYE`] times the direction to the eye.
     pub normal: [f32; 3],
     /// Place in the crown: 0 deep inside and below, 1 at its surface and top. See [`super::brightness`].
     pub shade: f32,

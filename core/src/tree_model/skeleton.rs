@@ -120,7 +120,9 @@ fn limbs(form: &GrowthForm, envelope: &Envelope, trunk: &Stem, random: &mut Rand
         if whorl > 1 && index % whorl == 0 {
             turn += 0.5 * 360.0 / whorl as f32 + random.around(20.0);
         }
-        let share = limbs.range[0] + (limbs.range[1] - limbs.range[0]) * along;
+        // Denser where the crown is narrower.
+        let upward = 1.0 - (1.0 - along).powf(form.crowding);
+        let share = limbs.range[0] + (limbs.range[1] - limbs.range[0]) * upward;
         // On the main trunk by height over the crown's bottom, on others by length.
         let place = if upright {
             let height = envelope.bottom + share * (1.0 - envelope.bottom);
@@ -130,7 +132,7 @@ fn limbs(form: &GrowthForm, envelope: &Envelope, trunk: &Stem, random: &mut Rand
         };
         let (start, axis, parent_radius) = trunk.at(place);
         let down =
-            limbs.down[0] + (limbs.down[1] - limbs.down[0]) * along + random.around(limbs.down_variation);
+            limbs.down[0] + (limbs.down[1] - limbs.down[0]) * upward + random.around(limbs.down_variation);
         let direction = branch_direction(axis, down, turn);
         let shape = branch_shape(limbs, direction, random);
         let keep = random.between(limbs.least_reach, 1.0);

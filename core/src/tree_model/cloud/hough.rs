@@ -7,7 +7,7 @@
 //! Simplification*, SIGGRAPH 2003). For plants: planes that lie flat count less, for they vanish
 //! for who stands on the ground, and so do planes that nearly repeat one that there is.
 
-use super::pieces::Pieces;
+use super::pieces::{Piece, Pieces};
 use glam::{Quat, Vec3};
 
 /// A plane: the places x with normal·x = offset.
@@ -32,6 +32,8 @@ const FLAT_PENALTY: f32 = 0.75;
 const EDGE_VOTE: f32 = 0.25;
 /// Bins of heights over the model's width.
 const BINS: usize = 128;
+/// Bins where one normal is looked at alone.
+const FINE_BINS: usize = 400;
 /// Rings of normals, degrees over the horizon, and the number of normals on a full circle.
 const RINGS: [(f32, usize); 6] = [(0.0, 36), (14.0, 32), (30.0, 28), (48.0, 20), (68.0, 10), (90.0, 1)];
 
@@ -42,6 +44,15 @@ pub struct Rules {
     pub planes: usize,
     /// Least angle between the normals of two planes, radians.
     pub least_angle: f32,
+}
+
+impl Rules {
+    /// Rules for a number of planes. Were all upright, 180° over their number would lie between two:
+    /// somewhat less than half of that keeps them from running parallel, and leaves a choice. Two cross.
+    pub fn for_planes(planes: usize) -> Self {
+        let degrees = if planes <= 2 { 60.0 } else { 80.0 / planes as f32 };
+        Self { planes, least_angle: f32::to_radians(degrees) }
+    }
 }
 
 /// Planes that pass within `epsilon` of all corners of every piece; `None` where the rules do not
@@ -78,27 +89,57 @@ pub fn choose(pieces: &Pieces, epsilon: f32, rules: &Rules) -> Option<Vec<Plane>
     Some(planes)
 }
 
+/// Adds planes, up to a number, that show the most area within `epsilon` which no plane yet shows as well.
+pub fn add_showing(pieces: &Pieces, epsilon: f32, count: usize, planes: &mut Vec<Plane>) {
+    let normals = normals();
+    let mut shown = vec![0.0_f32; pieces.list.len()];
+    let note = |plane: &Plane, shown: &mut [f32]| {
+        let heights = pieces.heights(plane.normal);
+        for (index, shown) in shown.iter_mut().enumerate() {
+            let [low, high] = pieces.span(index, &heights);
+            if plane.offset - low <= epsilon && high - plane.offset <= epsilon {
+                *shown = shown.max(plane.normal.dot(pieces.list[index].normal).abs());
+            }
+        }
+    };
+    for plane in planes.iter() {
+        note(plane, &mut shown);
+    }
+    while planes.len() < count {
+        let mut best = (0.0, None);
+        for &normal in &normals {
+            let gain = |index: usize| {
+                let piece = &pieces.list[index];
+                (normal.dot(piece.normal).abs() - shown[index]).max(0.0) * piece.area
+            };
+            let (votes, offset) = best_offset(pieces, normal, epsilon, gain);
+            if votes > best.0 {
+                best = (votes, Some(Plane { normal, offset }));
+            }
+        }
+        let Some(plane) = best.1 else { return };
+        note(&plane, &mut shown);
+        planes.push(plane);
+    }
+}
+
 /// Votes by normal and height.
 struct Space {
     normals: Vec<Vec3>,
     heights: Vec<Vec<f32>>,
-    low: f32,
-    bin: f32,
+    axes: Vec<Axis>,
     epsilon: f32,
-    /// Differences along the heights, so that a range is two numbers.
-    votes: Vec<f64>,
+    /// Changes along the heights, so that a range of votes is two numbers.
+    changes: Vec<[f64; BINS + 1]>,
 }
 
 impl Space {
     fn new(pieces: &Pieces, epsilon: f32) -> Self {
         let normals = normals();
         let heights: Vec<Vec<f32>> = normals.iter().map(|&normal| pieces.heights(normal)).collect();
-        let all = || heights.iter().flatten();
-        let low = all().fold(f32::INFINITY, |low, &height| low.min(height)) - epsilon;
-        let high = all().fold(f32::NEG_INFINITY, |high, &height| high.max(height)) + epsilon;
-        let votes = vec![0.0; normals.len() * (BINS + 1)];
-        let bin = ((high - low) / BINS as f32).max(1e-9);
-        let mut space = Self { normals, heights, low, bin, epsilon, votes };
+        let axes = heights.iter().map(|heights| Axis::round(heights, epsilon, BINS)).collect();
+        let changes = vec![[0.0; BINS + 1]; normals.len()];
+        let mut space = Self { normals, heights, axes, epsilon, changes };
         for index in 0..pieces.list.len() {
             space.vote(pieces, index, 1.0);
         }
@@ -107,22 +148,10 @@ impl Space {
 
     /// Adds or takes back a piece's votes.
     fn vote(&mut self, pieces: &Pieces, index: usize, sign: f64) {
-        let piece = &pieces.list[index];
-        for (direction, normal) in self.normals.iter().enumerate() {
-            let [low, high] = pieces.span(index, &self.heights[direction]);
-            // Heights of planes within ε of both; a bin's plane is its middle.
-            let bin = |height: f32| (height - self.low) / self.bin - 0.5;
-            let first = bin(high - self.epsilon).ceil().max(0.0);
-            let last = bin(low + self.epsilon).floor();
-            if last < first {
-                continue;
-            }
-            let facing = EDGE_VOTE + (1.0 - EDGE_VOTE) * normal.dot(piece.normal).abs();
-            // Pieces without area want a plane, too.
-            let weight = sign * f64::from((piece.area * facing).max(1e-9));
-            let row = direction * (BINS + 1);
-            self.votes[row + first as usize] += weight;
-            self.votes[row + (last as usize + 1).min(BINS)] -= weight;
+        for (direction, changes) in self.changes.iter_mut().enumerate() {
+            let weight = sign * f64::from(vote(&pieces.list[index], self.normals[direction]));
+            let span = pieces.span(index, &self.heights[direction]);
+            self.axes[direction].vote(span, self.epsilon, weight, changes);
         }
     }
 
@@ -130,25 +159,24 @@ impl Space {
     fn best(&self, chosen: &[Plane], rules: &Rules) -> Option<Plane> {
         let mut best = (0.0, None);
         for (direction, &normal) in self.normals.iter().enumerate() {
-            let worth = worth(normal, chosen, rules);
-            if worth == 0.0 {
-                continue;
-            }
-            let mut votes = 0.0;
-            for (index, change) in self.votes[direction * (BINS + 1)..][..BINS].iter().enumerate() {
-                votes += change;
-                if votes * worth > best.0 {
-                    let offset = self.low + (index as f32 + 0.5) * self.bin;
-                    best = (votes * worth, Some(Plane { normal, offset }));
-                }
+            let (votes, bin) = most(&self.changes[direction]);
+            let votes = votes * worth(normal, chosen, rules);
+            if votes > best.0 {
+                best = (votes, Some(Plane { normal, offset: self.axes[direction].height(bin) }));
             }
         }
         best.1
     }
 }
 
+/// What a piece gives to a plane that takes it: pieces without area want one, too.
+fn vote(piece: &Piece, normal: Vec3) -> f32 {
+    let facing = EDGE_VOTE + (1.0 - EDGE_VOTE) * normal.dot(piece.normal).abs();
+    (piece.area * facing).max(1e-9)
+}
+
 /// What a vote for a plane with a normal counts: 0 where the rules forbid it.
-fn worth(normal: Vec3, chosen: &[Plane], rules: &Rules) -> f64 {
+pub(super) fn worth(normal: Vec3, chosen: &[Plane], rules: &Rules) -> f64 {
     let nearest = chosen.iter().map(|plane| plane.normal.dot(normal).abs()).fold(0.0, f32::max);
     if nearest > rules.least_angle.cos() {
         return 0.0;
@@ -167,11 +195,16 @@ fn refined(
 ) -> Plane {
     let gain = |normal: Vec3| {
         let worth = worth(normal, chosen, rules);
-        if worth == 0.0 { (0.0, 0.0) } else { best_offset(pieces, left, normal, epsilon, worth) }
+        if worth == 0.0 {
+            return (0.0, 0.0);
+        }
+        let weight = |index: usize| if left[index] { vote(&pieces.list[index], normal) } else { 0.0 };
+        let (votes, offset) = best_offset(pieces, normal, epsilon, weight);
+        (votes * worth, offset)
     };
     let (mut best, offset) = gain(first.normal);
     let mut plane = Plane { normal: first.normal, offset };
-    for degrees in [4.0_f32, 2.0, 1.0] {
+    for degrees in [4.0_f32, 1.5] {
         let side = plane.normal.any_orthonormal_vector();
         let other = plane.normal.cross(side);
         for axis in [side, -side, other, -other] {
@@ -185,29 +218,58 @@ fn refined(
     plane
 }
 
-/// Votes of the best plane with a normal, and its height: exact, by sorting where votes begin and end.
-fn best_offset(pieces: &Pieces, left: &[bool], normal: Vec3, epsilon: f32, worth: f64) -> (f64, f32) {
+/// Votes of the best plane with a normal, and its height.
+fn best_offset(pieces: &Pieces, normal: Vec3, epsilon: f32, weight: impl Fn(usize) -> f32) -> (f64, f32) {
     let heights = pieces.heights(normal);
-    let mut events: Vec<(f32, f64)> = Vec::new();
-    for (index, _) in left.iter().enumerate().filter(|(_, left)| **left) {
-        let [low, high] = pieces.span(index, &heights);
-        if high - low <= 2.0 * epsilon {
-            let piece = &pieces.list[index];
-            let facing = EDGE_VOTE + (1.0 - EDGE_VOTE) * normal.dot(piece.normal).abs();
-            let weight = f64::from((piece.area * facing).max(1e-9)) * worth;
-            events.push((high - epsilon, weight));
-            events.push((low + epsilon, -weight));
+    let axis = Axis::round(&heights, epsilon, FINE_BINS);
+    let mut changes = vec![0.0; FINE_BINS + 1];
+    for index in 0..pieces.list.len() {
+        let weight = weight(index);
+        if weight > 0.0 {
+            axis.vote(pieces.span(index, &heights), epsilon, f64::from(weight), &mut changes);
         }
     }
-    // Beginnings before ends at one height.
-    events.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(b.1.total_cmp(&a.1)));
-    let (mut votes, mut best) = (0.0, (0.0, 0.0));
-    for (index, &(height, weight)) in events.iter().enumerate() {
-        votes += weight;
+    let (votes, bin) = most(&changes);
+    (votes, axis.height(bin))
+}
+
+/// Heights over the origin along a normal, in bins; a bin's plane is its middle.
+#[derive(Clone, Copy, Debug)]
+struct Axis {
+    low: f32,
+    bin: f32,
+}
+
+impl Axis {
+    fn round(heights: &[f32], epsilon: f32, bins: usize) -> Self {
+        let low = heights.iter().fold(f32::INFINITY, |low, &height| low.min(height)) - epsilon;
+        let high = heights.iter().fold(f32::NEG_INFINITY, |high, &height| high.max(height)) + epsilon;
+        Self { low, bin: ((high - low) / bins as f32).max(1e-9) }
+    }
+
+    fn height(&self, bin: usize) -> f32 {
+        self.low + (bin as f32 + 0.5) * self.bin
+    }
+
+    /// Votes for the planes within ε of a span of heights: where the votes begin and where they end.
+    fn vote(&self, [low, high]: [f32; 2], epsilon: f32, weight: f64, changes: &mut [f64]) {
+        let bin = |height: f32| (height - self.low) / self.bin - 0.5;
+        let first = bin(high - epsilon).ceil().max(0.0) as usize;
+        let last = bin(low + epsilon).floor();
+        if last >= first as f32 {
+            changes[first] += weight;
+            changes[(last as usize + 1).min(changes.len() - 1)] -= weight;
+        }
+    }
+}
+
+/// The most votes, and their bin.
+fn most(changes: &[f64]) -> (f64, usize) {
+    let (mut votes, mut best) = (0.0, (0.0, 0));
+    for (bin, change) in changes.iter().enumerate() {
+        votes += change;
         if votes > best.0 {
-            // The middle of the range over which these votes hold.
-            let end = events.get(index + 1).map_or(height, |next| next.0);
-            best = (votes, 0.5 * (height + end));
+            best = (votes, bin);
         }
     }
     best

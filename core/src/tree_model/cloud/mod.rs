@@ -9,13 +9,15 @@
 pub mod hough;
 mod picture;
 pub mod pieces;
+mod polish;
 
-pub use picture::{Drawn, draw};
+pub use picture::{Drawn, Layout};
 
 use super::quad::Quad;
 use glam::Vec3;
 use hough::{Plane, Rules};
 use pieces::Pieces;
+use polish::polish;
 
 /// The planes of a level of one variant.
 #[derive(Clone, Debug, PartialEq)]
@@ -26,6 +28,8 @@ pub struct Cover {
     pub wood: Vec<Plane>,
     /// The greatest distance of any corner of the model to the nearest plane that shows it.
     pub epsilon: f32,
+    /// The greatest distance of any corner from the axis.
+    pub radius: f32,
 }
 
 /// How many planes a level has.
@@ -41,6 +45,9 @@ pub struct Budget {
 pub const BUDGETS: [Budget; 3] =
     [Budget { foliage: 15, wood: 2 }, Budget { foliage: 6, wood: 2 }, Budget { foliage: 2, wood: 2 }];
 
+/// Where there are more planes than this, one is there to be seen from above.
+const MANY: usize = 6;
+
 /// Steps of the search for the least ε.
 const SEARCH_STEPS: usize = 7;
 
@@ -49,9 +56,11 @@ pub fn cover(model: &[Quad], budget: Budget) -> Cover {
     let (leaves, wood): (Vec<Quad>, Vec<Quad>) = model.iter().partition(|quad| quad.corners[0].foliage > 0.5);
     // A rock is all wood: it is covered as foliage is.
     let solid = if leaves.is_empty() { wood.clone() } else { leaves };
-    let foliage = least(&solid, budget.foliage);
+    let foliage = planes(&solid, budget.foliage);
     let wood_planes = if solid.len() == model.len() { Vec::new() } else { cardboard(&wood, budget.wood) };
-    let mut cover = Cover { foliage, wood: wood_planes, epsilon: 0.0 };
+    let radius =
+        model.iter().flat_map(Quad::places).map(|place| place.truncate().length()).fold(0.0, f32::max);
+    let mut cover = Cover { foliage, wood: wood_planes, epsilon: 0.0, radius };
     cover.epsilon = cover.reached(model);
     cover
 }
@@ -72,36 +81,92 @@ impl Cover {
     }
 }
 
-/// Planes for quads, at most as many as given, with about the least ε.
-fn least(quads: &[Quad], planes: usize) -> Vec<Plane> {
+/// Planes for quads, at most as many as given: about the least ε that most of them reach, and then
+/// planes that show from above what those show on edge.
+fn planes(quads: &[Quad], count: usize) -> Vec<Plane> {
     let places = || quads.iter().flat_map(Quad::places);
     let low = places().fold(Vec3::INFINITY, Vec3::min);
     let high = places().fold(Vec3::NEG_INFINITY, Vec3::max);
-    if quads.is_empty() || planes == 0 {
+    if quads.is_empty() || count == 0 {
         return Vec::new();
     }
-    let size = (high - low).max_element().max(1e-3);
-    // Normals spread over about 180°/planes where all planes stand upright; half of that keeps them
-    // from running parallel, and leaves a choice. Two planes cross.
-    let least_angle = if planes <= 2 { 60.0 } else { 80.0 / planes as f32 };
-    let rules = Rules { planes, least_angle: least_angle.to_radians() };
-    let width = (high - low).truncate().max_element().max(0.02 * size);
-    let (mut enough, mut too_little) = (0.75 * width.max(0.3 * size), 0.0);
+    let caps = if count > MANY { 1 } else { 0 };
+    let covering = count - caps;
+    let rules = Rules::for_planes(covering);
+    let longest = (high - low).max_element().max(1e-3);
+    let epsilon_of_star = 0.5 * longest.min(high.truncate().distance(low.truncate()).max(0.05 * longest));
+    let (greedy, epsilon) = least(quads, &rules, epsilon_of_star);
+    // Both are turned until nothing gains; pieces are half as large as the slab that must hold them.
+    let pieces = Pieces::new(quads, 0.5 * epsilon, 0.01 * epsilon);
+    let (greedy, by_greedy) = polish(&pieces, greedy, &rules);
+    let (pinwheel, by_pinwheel) = polish(&pieces, pinwheel(quads, low, high, covering), &rules);
+    let (mut planes, reached) =
+        if by_greedy <= by_pinwheel { (greedy, by_greedy) } else { (pinwheel, by_pinwheel) };
+    hough::add_showing(&pieces, reached, count.min(planes.len() + caps), &mut planes);
+    planes
+}
+
+/// Greedy planes with about the least ε that the rules allow.
+fn least(quads: &[Quad], rules: &Rules, first: f32) -> (Vec<Plane>, f32) {
+    let (mut enough, mut too_little) = (first, 0.0);
     let mut best = Vec::new();
+    // The first ε that is enough is found by growing: within as many steps as any model takes.
     for _ in 0..SEARCH_STEPS + 6 {
         let epsilon = if best.is_empty() { enough } else { 0.5 * (enough + too_little) };
         // Pieces are smaller than the slab that must hold them.
-        let pieces = Pieces::new(quads, 0.9 * epsilon, 0.02 * epsilon);
-        match hough::choose(&pieces, 0.96 * epsilon, &rules) {
+        let pieces = Pieces::new(quads, epsilon, 0.02 * epsilon);
+        match hough::choose(&pieces, epsilon, rules) {
             Some(planes) => (best, enough) = (planes, epsilon),
             None if best.is_empty() => enough *= 1.6,
             None => too_little = epsilon,
         }
-        if !best.is_empty() && enough - too_little < 0.03 * enough {
+        if !best.is_empty() && enough - too_little < 0.08 * enough {
             break;
         }
     }
-    best
+    (best, enough)
+}
+
+/// Planes round an axis, which they pass at a distance at which they cut the rim's circle at equal arcs:
+/// sin(90°/count) of its radius is then the distance of all points of its disc from the nearest, as
+/// if there were half planes twice as many. They stand before the trunk, too, which planes through
+/// the axis leave bare. They lean as the crown narrows. Fewer than six, or an odd number of
+/// planes, pass through the axis.
+fn pinwheel(quads: &[Quad], low: Vec3, high: Vec3, count: usize) -> Vec<Plane> {
+    let middle = 0.5 * (low + high);
+    if count < 6 || count % 2 == 1 {
+        return upright(middle, count, 0.0);
+    }
+    let tall = (high.z - low.z).max(1e-6);
+    let widest = |from: f32, to: f32| {
+        let places = quads.iter().flat_map(Quad::places);
+        let between = places.filter(|place| (from..=to).contains(&((place.z - low.z) / tall)));
+        between.map(|place| (place - middle).truncate().length()).fold(0.0, f32::max)
+    };
+    let (lower, upper) = (widest(0.0, 0.5), widest(0.85, 1.0));
+    let aside = (std::f32::consts::FRAC_PI_2 / count as f32).sin();
+    // Distance from the axis at the foot and at the top of the crown.
+    let (foot, top) = (aside * lower, aside * upper.min(lower) * 0.5);
+    let lean = (foot - top) / tall;
+    (0..count)
+        .map(|index| {
+            let turn = index as f32 * std::f32::consts::TAU / count as f32;
+            let normal = Vec3::new(turn.cos(), turn.sin(), lean).normalize();
+            let on_it = middle + Vec3::new(turn.cos(), turn.sin(), 0.0) * foot;
+            Plane { normal, offset: normal.dot(Vec3::new(on_it.x, on_it.y, low.z)) }
+        })
+        .collect()
+}
+
+/// Upright planes through a place, spread evenly from an azimuth of the first one's normal.
+fn upright(middle: Vec3, count: usize, first: f32) -> Vec<Plane> {
+    (0..count)
+        .map(|index| {
+            let turn = first + index as f32 * std::f32::consts::PI / count as f32;
+            let normal = Vec3::new(turn.cos(), turn.sin(), 0.0);
+            Plane { normal, offset: normal.dot(middle) }
+        })
+        .collect()
 }
 
 /// Upright planes that cross in the wood's middle line.
@@ -119,11 +184,5 @@ fn cardboard(wood: &[Quad], planes: usize) -> Vec<Plane> {
     }
     middle /= count.max(1.0);
     let first = 0.5 * sine.atan2(cosine) as f32 + std::f32::consts::FRAC_PI_2;
-    (0..planes)
-        .map(|index| {
-            let turn = first + index as f32 * std::f32::consts::PI / planes as f32;
-            let normal = Vec3::new(turn.cos(), turn.sin(), 0.0);
-            Plane { normal, offset: normal.dot(middle) }
-        })
-        .collect()
+    upright(middle, planes, first)
 }

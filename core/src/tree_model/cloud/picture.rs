@@ -12,6 +12,14 @@ use glam::Vec3;
 /// Samples along a texel's side.
 const FINE: usize = 3;
 
+/// A plane also shows what is farther from it than ε by this share of the model's radius: crowns are
+/// hollow, and a plane that passes their middle would show only their rims.
+const FILL: f32 = 0.35;
+/// Covers with no more planes of foliage than this show the trunk alone of the wood,
+const FEW: usize = 2;
+/// which stands within this share of the model's radius.
+const TRUNK: f32 = 0.15;
+
 /// A plane with its picture.
 #[derive(Clone, Debug)]
 pub struct Drawn {
@@ -36,44 +44,72 @@ struct Frame {
     size: [f32; 2],
 }
 
-/// Draws all planes of a cover of a model, at `texels` per height of the tree.
-pub fn draw(model: &[Quad], cover: &Cover, sprites: &Atlas, texels: f32) -> Vec<Drawn> {
-    let longest = (0.9 * cover.epsilon).max(0.01);
-    let pieces = Pieces::new(model, longest, 0.02 * longest);
-    let is_wood = |index: usize| pieces.list[index].quad.corners[0].foliage <= 0.5;
-    let has_leaves = (0..pieces.list.len()).any(|index| !is_wood(index));
-    let mut drawn = Vec::new();
-    for plane in &cover.foliage {
-        let heights = pieces.heights(plane.normal);
-        let shown: Vec<usize> = (0..pieces.list.len())
-            .filter(|&index| {
-                let [low, high] = pieces.span(index, &heights);
-                plane.offset - low <= cover.epsilon && high - plane.offset <= cover.epsilon
-            })
-            .collect();
-        // Branches do not make a picture larger: the cardboard shows them, too.
-        let framed: Vec<usize> =
-            shown.iter().copied().filter(|&index| !has_leaves || !is_wood(index)).collect();
-        drawn.extend(draw_plane(&pieces, plane, &shown, &framed, has_leaves, sprites, texels));
-    }
-    let wood: Vec<usize> = (0..pieces.list.len()).filter(|&index| is_wood(index)).collect();
-    for plane in &cover.wood {
-        drawn.extend(draw_plane(&pieces, plane, &wood, &wood, false, sprites, texels));
-    }
-    drawn
+/// What is drawn on a plane, and where.
+struct Sheet {
+    frame: Frame,
+    shown: Vec<usize>,
+    foliage: bool,
 }
 
-fn draw_plane(
-    pieces: &Pieces,
-    plane: &Plane,
-    shown: &[usize],
-    framed: &[usize],
-    foliage: bool,
-    sprites: &Atlas,
-    texels: f32,
-) -> Option<Drawn> {
-    let frame = Frame::round(pieces, plane, framed)?;
-    let [width, height] = frame.size.map(|extent| ((extent * texels).ceil() as usize + 1).clamp(4, 1024));
+/// The planes of a cover, laid out: how large their pictures are is known before they are drawn.
+pub struct Layout {
+    pieces: Pieces,
+    sheets: Vec<Sheet>,
+}
+
+impl Layout {
+    /// Finds out what each plane of a cover of a model shows.
+    pub fn new(model: &[Quad], cover: &Cover) -> Self {
+        let longest = (0.9 * cover.epsilon).max(0.01);
+        let pieces = Pieces::new(model, longest, 0.02 * longest);
+        let all = 0..pieces.list.len();
+        let is_wood = |index: usize| pieces.list[index].quad.corners[0].foliage <= 0.5;
+        let has_leaves = all.clone().any(|index| !is_wood(index));
+        let mut sheets = Vec::new();
+        for plane in &cover.foliage {
+            // Not on planes that slope: their pictures would stand out of the crown.
+            let fill = FILL * (1.0 - 3.0 * plane.normal.z.abs()).max(0.0);
+            let reach = cover.epsilon + fill * cover.radius;
+            let heights = pieces.heights(plane.normal);
+            let is_shown = |&index: &usize| {
+                let [low, high] = pieces.span(index, &heights);
+                plane.offset - low <= reach && high - plane.offset <= reach
+            };
+            let shown: Vec<usize> = all.clone().filter(is_shown).collect();
+            // Branches do not make a picture larger: the cardboard shows them, too.
+            let framed = || shown.iter().copied().filter(|&index| !has_leaves || !is_wood(index));
+            if let Some(frame) = Frame::round(&pieces, plane, framed) {
+                sheets.push(Sheet { frame, shown, foliage: has_leaves });
+            }
+        }
+        // Where there are few planes, twigs are thinner than texels: the trunk is all that is drawn.
+        let reach = if cover.foliage.len() > FEW { f32::INFINITY } else { TRUNK * cover.radius };
+        let is_near = |index: usize| {
+            pieces.list[index].quad.places().iter().all(|place| place.truncate().length() <= reach)
+        };
+        let wood: Vec<usize> = all.filter(|&index| is_wood(index) && is_near(index)).collect();
+        for plane in &cover.wood {
+            if let Some(frame) = Frame::round(&pieces, plane, || wood.iter().copied()) {
+                sheets.push(Sheet { frame, shown: wood.clone(), foliage: false });
+            }
+        }
+        Self { pieces, sheets }
+    }
+
+    /// Width and height of all pictures at `texels` per height of the tree.
+    pub fn sizes(&self, texels: f32) -> Vec<[u32; 2]> {
+        self.sheets.iter().map(|sheet| sheet.frame.texels(texels).map(|length| length as u32)).collect()
+    }
+
+    /// Draws all planes at `texels` per height of the tree.
+    pub fn draw(&self, sprites: &Atlas, texels: f32) -> Vec<Drawn> {
+        self.sheets.iter().map(|sheet| draw_sheet(&self.pieces, sheet, sprites, texels)).collect()
+    }
+}
+
+fn draw_sheet(pieces: &Pieces, sheet: &Sheet, sprites: &Atlas, texels: f32) -> Drawn {
+    let Sheet { frame, shown, foliage } = sheet;
+    let [width, height] = frame.texels(texels);
     let mut raster = Raster::new(width * FINE, height * FINE);
     // Texel centres of the outermost texels lie on the rectangle's edges.
     let scale = [(width - 1) as f32 / frame.size[0], (height - 1) as f32 / frame.size[1]];
@@ -87,22 +123,17 @@ fn draw_plane(
         });
         raster.draw(quad, places, sprites);
     }
-    let corners = attributes(&raster, &frame, foliage);
-    let shade = |x: f32, y: f32| {
-        let weights = [(1.0 - x) * (1.0 - y), x * (1.0 - y), x * y, (1.0 - x) * y];
-        corners.iter().zip(weights).map(|(corner, weight)| corner.shade * weight).sum::<f32>()
-    };
+    let brightest = raster.samples.iter().flatten().map(|fragment| fragment.shade).fold(0.0, f32::max);
+    let corners = attributes(&raster, frame, brightest, *foliage);
     let mut rgba = Vec::with_capacity(width * height * 4);
     for row in 0..height {
         for column in 0..width {
-            let (x, y) = (column as f32 / (width - 1) as f32, row as f32 / (height - 1) as f32);
             let (mut sum, mut count) = (Vec3::ZERO, 0);
             for sample in 0..FINE * FINE {
                 let at = (row * FINE + sample / FINE) * raster.width + column * FINE + sample % FINE;
                 if let Some(fragment) = &raster.samples[at] {
-                    // The picture carries what the quad's corners cannot: light and dark within it.
-                    let light = brightness(fragment.shade) / brightness(shade(x, y));
-                    sum += fragment.colour * light.clamp(0.4, 1.8);
+                    // The picture holds light and dark within it, the corners the brightest of it.
+                    sum += fragment.colour * (brightness(fragment.shade) / brightness(brightest));
                     count += 1;
                 }
             }
@@ -111,12 +142,16 @@ fn draw_plane(
             rgba.push((count * 255 / (FINE * FINE)) as u8);
         }
     }
-    Some(Drawn { quad: Quad { corners }, width, height, rgba })
+    Drawn { quad: Quad { corners }, width, height, rgba }
 }
 
 impl Frame {
     /// The rectangle round pieces on a plane, upright where it can be.
-    fn round(pieces: &Pieces, plane: &Plane, framed: &[usize]) -> Option<Self> {
+    fn round<I: Iterator<Item = usize>>(
+        pieces: &Pieces,
+        plane: &Plane,
+        framed: impl Fn() -> I,
+    ) -> Option<Self> {
         let normal = plane.normal;
         let upright = Vec3::NEG_Z + normal * normal.z;
         let down = if upright.length() > 0.05 { upright.normalize() } else { Vec3::NEG_Y };
@@ -124,9 +159,8 @@ impl Frame {
         let right = normal.cross(down);
         // Who sees `right` to the right and `down` below looks against the normal.
         let places = || {
-            framed
-                .iter()
-                .flat_map(|&index| pieces.list[index].quad.places())
+            framed()
+                .flat_map(|index| pieces.list[index].quad.places())
                 .map(|place| [place.dot(right), place.dot(down)])
         };
         let range = |axis: usize| {
@@ -148,12 +182,19 @@ impl Frame {
     }
 }
 
-/// Corners of the plane's quad: upper left, upper right, lower right, lower left, with the mean
-/// normal and shade of what is near each.
-fn attributes(raster: &Raster, frame: &Frame, foliage: bool) -> [Corner; 4] {
-    let mut sums = [(0.0_f32, Vec3::ZERO, 0.0_f32); 4];
+impl Frame {
+    /// Width and height of its picture at `texels` per height of the tree.
+    fn texels(&self, texels: f32) -> [usize; 2] {
+        self.size.map(|extent| ((extent * texels).ceil() as usize + 1).clamp(4, 1024))
+    }
+}
+
+/// Corners of the plane's quad: upper left, upper right, lower right, lower left, with what the
+/// mean normal near each has in the plane.
+fn attributes(raster: &Raster, frame: &Frame, shade: f32, foliage: bool) -> [Corner; 4] {
+    let mut sums = [(0.0_f32, Vec3::ZERO); 4];
     for (index, fragment) in raster.samples.iter().enumerate() {
-        let Some(Fragment { normal, shade, .. }) = fragment else { continue };
+        let Some(Fragment { normal, .. }) = fragment else { continue };
         let x = (index % raster.width) as f32 / raster.width as f32;
         let y = (index / raster.width) as f32 / raster.height as f32;
         let weights = [(1.0 - x) * (1.0 - y), x * (1.0 - y), x * y, (1.0 - x) * y];
@@ -161,20 +202,30 @@ fn attributes(raster: &Raster, frame: &Frame, foliage: bool) -> [Corner; 4] {
             let weight = weight * weight;
             sum.0 += weight;
             sum.1 += normal.normalize_or_zero() * weight;
-            sum.2 += shade * weight;
         }
     }
     let mut corners = [Corner::default(); 4];
-    for (index, (corner, (weight, normal, shade))) in corners.iter_mut().zip(sums).enumerate() {
-        let [u, v] = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]][index];
-        let place = frame.corner + frame.right * (u * frame.size[0]) + frame.down * (v * frame.size[1]);
+    for (index, (corner, (weight, normal))) in corners.iter_mut().zip(sums).enumerate() {
+        let uv = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]][index];
+        let place =
+            frame.corner + frame.right * (uv[0] * frame.size[0]) + frame.down * (uv[1] * frame.size[1]);
         *corner = Corner {
             position: place.to_array(),
-            uv: [u, v],
-            normal: (normal / weight.max(1e-6)).to_array(),
-            shade: shade / weight.max(1e-6),
+            uv,
+            normal: in_plane(normal / weight.max(1e-6), frame.normal).to_array(),
+            shade,
             foliage: if foliage { 1.0 } else { 0.0 },
         };
     }
     corners
+}
+
+/// The mean near a corner is less than what the corner itself should have.
+const OUTWARD: f32 = 1.8;
+
+/// What of a normal lies in a plane, a little upwards: a picture is seen from both sides, and which of
+/// them is bright follows from where the eye is.
+fn in_plane(normal: Vec3, plane: Vec3) -> Vec3 {
+    let along = (normal - plane * normal.dot(plane)) * OUTWARD + Vec3::new(0.0, 0.0, 0.1);
+    along.clamp_length_max(1.0)
 }

@@ -2,7 +2,7 @@
 
 use crate::tree_model::quad::{Corner, Quad};
 use glam::Vec3;
-use std::collections::BTreeMap;
+use std::collections::HashMap;
 
 /// A part of a quad of the model.
 #[derive(Clone, Debug)]
@@ -35,7 +35,7 @@ impl Pieces {
     /// welded vertex stands where the first of its corners does, at most √3·`weld` from the others.
     pub fn new(quads: &[Quad], longest: f32, weld: f32) -> Self {
         let mut pieces = Self::default();
-        let mut known: BTreeMap<[i32; 3], u32> = BTreeMap::new();
+        let mut known: HashMap<[i32; 3], u32> = HashMap::new();
         for quad in quads {
             let [a, b, c, d] = quad.places();
             let cuts = |length: f32| (length / longest).ceil().clamp(1.0, MOST_CUTS) as usize;
