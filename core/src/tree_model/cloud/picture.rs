@@ -15,6 +15,8 @@ const FINE: usize = 3;
 /// A plane also shows what is farther from it than ε by this share of the model's radius: crowns are
 /// hollow, and a plane that passes their middle would show only their rims.
 const FILL: f32 = 0.35;
+/// What places in the tree frame are rounded by: a piece lies in its own plane.
+const ROUNDING: f32 = 1e-5;
 /// Covers with no more planes of foliage than this show the trunk alone of the wood,
 const FEW: usize = 2;
 /// which stands within this share of the model's radius.
@@ -69,7 +71,7 @@ impl Layout {
         for plane in &cover.foliage {
             // Not on planes that slope: their pictures would stand out of the crown.
             let fill = FILL * (1.0 - 3.0 * plane.normal.z.abs()).max(0.0);
-            let reach = cover.epsilon + fill * cover.radius;
+            let reach = cover.epsilon + fill * cover.radius + ROUNDING;
             let heights = pieces.heights(plane.normal);
             let is_shown = |&index: &usize| {
                 let [low, high] = pieces.span(index, &heights);
