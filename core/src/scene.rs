@@ -33,6 +33,9 @@ pub struct SceneDescription {
     /// Species by code, where something grows.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
     pub species: Vec<SceneSpecies>,
+    /// Absolute or relative URL of the species' models, where something grows: a code follows.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub trees: Option<String>,
     /// The seed that grows the forest.
     pub seed: u32,
     /// Where the sun stands where the client says nothing.

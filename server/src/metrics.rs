@@ -31,6 +31,42 @@ const OUTCOMES: [(Outcome, &str); 5] = [
     (Outcome::Busy, "busy"),
 ];
 
+/// What is made and kept, each with counters of its own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Product {
+    /// A tile or map of a layer.
+    Tile(Layer),
+    /// The models of a species.
+    Trees,
+}
+
+impl Product {
+    /// All, in the order of their indices.
+    fn all() -> impl Iterator<Item = Self> {
+        LAYERS.iter().map(|row| Self::Tile(row.layer)).chain([Self::Trees])
+    }
+
+    fn index(self) -> usize {
+        match self {
+            Self::Tile(layer) => layer as usize,
+            Self::Trees => LAYERS.len(),
+        }
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Tile(layer) => layer.name(),
+            Self::Trees => "trees",
+        }
+    }
+}
+
+impl From<Layer> for Product {
+    fn from(layer: Layer) -> Self {
+        Self::Tile(layer)
+    }
+}
+
 /// Durations by bucket.
 #[derive(Debug, Default)]
 struct Histogram {
@@ -59,9 +95,9 @@ impl Histogram {
     }
 }
 
-/// Counters of one layer.
+/// Counters of one product.
 #[derive(Debug, Default)]
-struct LayerMetrics {
+struct ProductMetrics {
     outcomes: [AtomicU64; OUTCOMES.len()],
     bytes: AtomicU64,
     making: Histogram,
@@ -70,7 +106,7 @@ struct LayerMetrics {
 /// All counters.
 #[derive(Debug, Default)]
 pub struct Metrics {
-    layers: [LayerMetrics; LAYERS.len()],
+    products: [ProductMetrics; LAYERS.len() + 1],
     /// Answers by hundred of the status: index 1 is 1xx.
     statuses: [AtomicU64; 6],
     response_bytes: AtomicU64,
@@ -89,20 +125,20 @@ pub struct Gauge {
 
 impl Metrics {
     /// Counts one lookup of a tile: exactly one outcome each.
-    pub fn tile(&self, layer: Layer, outcome: Outcome, bytes: usize) {
-        let row = &self.layers[layer as usize];
+    pub fn tile(&self, product: impl Into<Product>, outcome: Outcome, bytes: usize) {
+        let row = &self.products[product.into().index()];
         row.outcomes[outcome as usize].fetch_add(1, Relaxed);
         row.bytes.fetch_add(bytes as u64, Relaxed);
     }
 
     /// Records how long a worker took to make a tile.
-    pub fn made(&self, layer: Layer, duration: Duration) {
-        self.layers[layer as usize].making.observe(duration);
+    pub fn made(&self, product: impl Into<Product>, duration: Duration) {
+        self.products[product.into().index()].making.observe(duration);
     }
 
-    /// How often a layer's lookups had an outcome.
-    pub fn count(&self, layer: Layer, outcome: Outcome) -> u64 {
-        self.layers[layer as usize].outcomes[outcome as usize].load(Relaxed)
+    /// How often a product's lookups had an outcome.
+    pub fn count(&self, product: impl Into<Product>, outcome: Outcome) -> u64 {
+        self.products[product.into().index()].outcomes[outcome as usize].load(Relaxed)
     }
 
     /// Counts an answer by its status.
@@ -147,20 +183,20 @@ impl Metrics {
             "counter",
             "Lookups of tiles and maps by where the answer came from.",
         );
-        for row in &LAYERS {
+        for product in Product::all() {
             for (outcome, name) in OUTCOMES {
-                let count = self.count(row.layer, outcome);
+                let count = self.count(product, outcome);
                 let _ = writeln!(
                     out,
                     "treeline_tiles_total{{layer=\"{}\",outcome=\"{name}\"}} {count}",
-                    row.name
+                    product.name()
                 );
             }
         }
         head(&mut out, "treeline_tile_bytes_total", "counter", "Bytes of tiles and maps handed out.");
-        for row in &LAYERS {
-            let bytes = self.layers[row.layer as usize].bytes.load(Relaxed);
-            let _ = writeln!(out, "treeline_tile_bytes_total{{layer=\"{}\"}} {bytes}", row.name);
+        for product in Product::all() {
+            let bytes = self.products[product.index()].bytes.load(Relaxed);
+            let _ = writeln!(out, "treeline_tile_bytes_total{{layer=\"{}\"}} {bytes}", product.name());
         }
         head(
             &mut out,
@@ -168,9 +204,9 @@ impl Metrics {
             "histogram",
             "Time a worker took to make a tile or map.",
         );
-        for row in &LAYERS {
-            let labels = format!("layer=\"{}\"", row.name);
-            self.layers[row.layer as usize].making.write("treeline_tile_making_seconds", &labels, &mut out);
+        for product in Product::all() {
+            let labels = format!("layer=\"{}\"", product.name());
+            self.products[product.index()].making.write("treeline_tile_making_seconds", &labels, &mut out);
         }
         for gauge in gauges {
             head(&mut out, gauge.name, "gauge", gauge.help);
@@ -201,6 +237,7 @@ mod tests {
         metrics.tile(Layer::Texture, Outcome::Made, 100);
         metrics.tile(Layer::Texture, Outcome::Memory, 100);
         metrics.made(Layer::Texture, Duration::from_millis(4));
+        metrics.tile(Product::Trees, Outcome::Busy, 0);
         metrics.response(404, 3);
         let guard = metrics.begin();
         let text = metrics.text(&[Gauge { name: "treeline_x", help: "X.", value: 7 }]);
@@ -211,6 +248,7 @@ mod tests {
             "treeline_tile_making_seconds_bucket{layer=\"texture\",le=\"0.0025\"} 0",
             "treeline_tile_making_seconds_bucket{layer=\"texture\",le=\"0.005\"} 1",
             "treeline_tile_making_seconds_bucket{layer=\"texture\",le=\"+Inf\"} 1",
+            "treeline_tiles_total{layer=\"trees\",outcome=\"busy\"} 1",
             "treeline_responses_total{class=\"4xx\"} 1",
             "treeline_requests_under_way 1",
             "treeline_x 7",
@@ -225,6 +263,9 @@ mod tests {
     fn outcomes_are_indexed_in_order() {
         for (index, (outcome, _)) in OUTCOMES.iter().enumerate() {
             assert_eq!(*outcome as usize, index);
+        }
+        for (index, product) in Product::all().enumerate() {
+            assert_eq!(product.index(), index);
         }
     }
 }

@@ -9,9 +9,11 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 use treeline_core::scene::SceneDescription;
 use treeline_core::tile::TileAddress;
+use treeline_core::tree_model::TreeSpecies;
 use treeline_server::config::Config;
 use treeline_server::http::router;
 use treeline_server::limits::Limits;
+use treeline_server::metrics::{Outcome, Product};
 
 fn path(set: &str, tile: TileAddress, f: &str) -> String {
     format!("/tiles/elevation/{set}/{}/{}/{}?f={f}", tile.level, tile.row, tile.column)
@@ -231,4 +233,48 @@ async fn a_real_listener_drains() {
     stop.notify_one();
     server.await.unwrap().unwrap();
     drop(idle);
+}
+
+#[tokio::test]
+async fn models_of_a_species_are_grown_once() {
+    let (app, _) = app_with(Kind { full: true, ..Kind::default() }, &Config::default());
+    let router = router(app.clone());
+    let scene: SceneDescription = serde_json::from_slice(&get(&router, "/scene.json").await.body).unwrap();
+    assert_eq!(scene.trees.as_deref(), Some("http://test.example:8080/trees/"));
+    // Two ask at once.
+    let (first, second) = tokio::join!(get(&router, "/trees/1?revision=r1"), get(&router, "/trees/1"));
+    assert_eq!((first.status, first.body.len()), (StatusCode::OK, second.body.len()));
+    assert_eq!(first.header("content-type"), "application/vnd.treeline.trees");
+    assert_eq!(first.header("cache-control"), "public, max-age=31536000, immutable");
+    assert_eq!(first.header("access-control-allow-origin"), "*");
+    let model = TreeSpecies::decode(&first.body).unwrap();
+    assert_eq!((model.code, model.levels.len()), (1, 4));
+    assert_eq!(app.metrics.count(Product::Trees, Outcome::Made), 1);
+    let request =
+        Request::get("/trees/1").header("if-none-match", first.header("etag")).body(Body::empty()).unwrap();
+    assert_eq!(ask(&router, request).await.status, StatusCode::NOT_MODIFIED);
+    let request = Request::get("/trees/1").header("accept-encoding", "zstd").body(Body::empty()).unwrap();
+    let packed = ask(&router, request).await;
+    assert_eq!(packed.header("content-encoding"), "zstd");
+    assert!(packed.body.len() < first.body.len() / 2, "{} of {}", packed.body.len(), first.body.len());
+    for (uri, named) in [
+        ("/trees/0", "this scene's species are 1 (Norway spruce), 2 (European beech)"),
+        ("/trees/256", "no trees \"256\""),
+        ("/trees/spruce", "no trees \"spruce\""),
+    ] {
+        let answer = get(&router, uri).await;
+        assert_eq!((answer.status, answer.text().lines().count()), (StatusCode::NOT_FOUND, 1), "{uri}");
+        assert!(answer.text().contains(named), "{}", answer.text());
+    }
+}
+
+#[tokio::test]
+async fn where_nothing_grows_there_are_no_models() {
+    let (app, _) = app_with(Kind::default(), &Config::default());
+    let router = router(app);
+    let text = get(&router, "/scene.json").await.text();
+    assert!(!text.contains("trees"), "{text}");
+    let answer = get(&router, "/trees/1").await;
+    assert_eq!(answer.status, StatusCode::NOT_FOUND);
+    assert!(answer.text().contains("nothing grows in this scene"));
 }

@@ -67,6 +67,7 @@ pub fn scene() -> SceneDescription {
         vegetation: true,
         land_cover: None,
         species: vec![],
+        trees: None,
         seed: 1,
         sun: Sun { time: "2026-07-15T09:00:00Z".into() },
         camera: GeographicCamera {

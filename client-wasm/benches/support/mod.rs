@@ -105,6 +105,7 @@ fn scene() -> SceneDescription {
         vegetation: false,
         land_cover: None,
         species: vec![],
+        trees: None,
         seed: 1,
         sun: Sun { time: "2026-07-15T09:00:00Z".into() },
         camera: camera(0.0),

@@ -340,11 +340,17 @@ const BIRCH: GrowthForm = GrowthForm {
 
 const WILLOW: GrowthForm = GrowthForm {
     trunk_radius: 0.024,
-    trunk_top: 0.7,
+    trunk_top: 0.88,
     hanging: 0.4,
-    limbs: Branches { down: [56.0, 20.0], curve: [0.0, -64.0], ..BEECH.limbs },
+    limbs: Branches {
+        count: 32,
+        range: [0.04, 0.95],
+        down: [56.0, 26.0],
+        curve: [14.0, -60.0],
+        ..BEECH.limbs
+    },
     attraction: -0.9,
-    foliage: Foliage::Cards { count: 6, size: 0.095, hang: 0.85 },
+    foliage: Foliage::Cards { count: 6, size: 0.095, hang: 0.65 },
     twig: Twig::Leaves { length: 0.17, width: 0.042, lobes: 0.0, hanging: true },
     colour: [0.44, 0.53, 0.33],
     bark: BROWN,

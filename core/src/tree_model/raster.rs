@@ -51,40 +51,42 @@ impl Raster {
         if area == 0.0 || !area.is_finite() {
             return;
         }
+        let inverse = area.recip();
         let (low, high) = (a.min(b).min(c), a.max(b).max(c));
         let columns = range(low.x, high.x, self.width);
         for row in range(low.y, high.y, self.height) {
             for column in columns.clone() {
                 let at = Vec2::new(column as f32 + 0.5, row as f32 + 0.5);
-                let weights = [
-                    (c - b).perp_dot(at - b) / area,
-                    (a - c).perp_dot(at - c) / area,
-                    (b - a).perp_dot(at - a) / area,
-                ];
-                if weights.iter().any(|&weight| weight < 0.0) {
+                let first = (c - b).perp_dot(at - b) * inverse;
+                let second = (a - c).perp_dot(at - c) * inverse;
+                let third = (b - a).perp_dot(at - a) * inverse;
+                if first < 0.0 || second < 0.0 || third < 0.0 {
                     continue;
                 }
-                let mix = |value: &dyn Fn(usize) -> f32| {
-                    order.iter().zip(weights).map(|(&index, weight)| weight * value(index)).sum::<f32>()
-                };
-                let depth = mix(&|index| places[index].z);
+                let weights = [first, second, third];
+                let depth = mix(weights, order.map(|index| places[index].z));
                 let sample = &mut self.samples[row * self.width + column];
                 if sample.is_some_and(|nearer| nearer.depth >= depth) {
                     continue;
                 }
-                let corner = |index: usize| &quad.corners[index];
-                let uv = [mix(&|index| corner(index).uv[0]), mix(&|index| corner(index).uv[1])];
+                let corners = order.map(|index| &quad.corners[index]);
+                let uv = [0, 1].map(|axis| mix(weights, corners.map(|corner| corner.uv[axis])));
                 let Some(colour) = texel(atlas, uv, mip) else { continue };
+                let normal = [0, 1, 2].map(|axis| mix(weights, corners.map(|corner| corner.normal[axis])));
                 *sample = Some(Fragment {
                     depth,
                     colour,
-                    normal: Vec3::from([0, 1, 2].map(|axis| mix(&|index| corner(index).normal[axis]))),
-                    shade: mix(&|index| corner(index).shade),
-                    foliage: mix(&|index| corner(index).foliage),
+                    normal: normal.into(),
+                    shade: mix(weights, corners.map(|corner| corner.shade)),
+                    foliage: mix(weights, corners.map(|corner| corner.foliage)),
                 });
             }
         }
     }
+}
+
+fn mix(weights: [f32; 3], values: [f32; 3]) -> f32 {
+    weights[0] * values[0] + weights[1] * values[1] + weights[2] * values[2]
 }
 
 /// Samples whose centres lie between two places.

@@ -11,19 +11,18 @@ mod workers;
 pub use disk::DiskCache;
 pub use workers::{Overload, Workers};
 
-use crate::metrics::{Metrics, Outcome};
+use crate::metrics::{Metrics, Outcome, Product};
 use axum::body::Bytes;
 use std::sync::Arc;
 use std::time::Instant;
-use treeline_core::layer::Layer;
 use waiting::Waiting;
 
 /// What identifies an answer: everything that changes its bytes but the scene's revision, spelt in
 /// one canonical way.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct TileKey {
-    /// The layer, for the metrics.
-    pub layer: Layer,
+    /// What it is, for the metrics.
+    pub product: Product,
     /// The canonical spelling (it names the layer, too).
     pub text: Arc<str>,
 }
@@ -83,9 +82,9 @@ impl TileCache {
     pub async fn get(self: &Arc<Self>, key: &TileKey, make: Maker) -> Result<Bytes, MakeError> {
         let answer = self.look_up(key, make).await;
         match &answer {
-            Ok((bytes, outcome)) => self.metrics.tile(key.layer, *outcome, bytes.len()),
-            Err(MakeError::Busy) => self.metrics.tile(key.layer, Outcome::Busy, 0),
-            Err(_) => self.metrics.tile(key.layer, Outcome::Failed, 0),
+            Ok((bytes, outcome)) => self.metrics.tile(key.product, *outcome, bytes.len()),
+            Err(MakeError::Busy) => self.metrics.tile(key.product, Outcome::Busy, 0),
+            Err(_) => self.metrics.tile(key.product, Outcome::Failed, 0),
         }
         answer.map(|(bytes, _)| bytes)
     }
@@ -138,7 +137,7 @@ impl TileCache {
             }
             let start = Instant::now();
             let bytes = make()?;
-            cache.metrics.made(key.layer, start.elapsed());
+            cache.metrics.made(key.product, start.elapsed());
             if let Some(disk) = &cache.disk
                 && let Err(error) = disk.write(&key.text, &bytes)
             {

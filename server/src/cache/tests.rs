@@ -4,6 +4,7 @@ use super::*;
 use std::sync::atomic::{AtomicUsize, Ordering::SeqCst};
 use std::sync::mpsc;
 use std::sync::{Condvar, Mutex};
+use treeline_core::layer::Layer;
 
 /// A door that makers wait at until the test opens it.
 #[derive(Default)]
@@ -30,7 +31,7 @@ fn cache(threads: usize, queue: usize, disk: Option<Arc<DiskCache>>) -> (Arc<Til
 }
 
 fn key(text: &str) -> TileKey {
-    TileKey { layer: Layer::Texture, text: text.into() }
+    TileKey { product: Layer::Texture.into(), text: text.into() }
 }
 
 fn maker(makes: &Arc<AtomicUsize>) -> Maker {

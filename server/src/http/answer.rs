@@ -1,6 +1,6 @@
 //! Answers: documents, tiles, and refusals of one line.
 
-use crate::cache::MakeError;
+use crate::cache::{MakeError, Maker, TileKey};
 use crate::digest::Digest;
 use crate::http::order::Order;
 use crate::state::App;
@@ -44,7 +44,7 @@ pub fn document(content_type: &'static str, body: impl Into<Bytes>, headers: &He
     tagged(&tag, ASK_AGAIN, headers).unwrap_or_else(|| with_tag(content_type, &tag, ASK_AGAIN, body))
 }
 
-/// Makes (or finds) the tile and answers it; without making it where the client's copy is good.
+/// Answers with a tile.
 ///
 /// `revision` is the data version in the URL, if there is one.
 pub async fn tile(
@@ -53,7 +53,23 @@ pub async fn tile(
     revision: Option<&str>,
     headers: &HeaderMap,
 ) -> Result<Response, MakeError> {
-    let key = order.key();
+    let (key, content_type) = (order.key(), order.content_type());
+    let scene = app.scene.clone();
+    let maker: Maker = Arc::new(move || super::make::make(&scene, &order));
+    made(app, &key, content_type, maker, revision, headers).await
+}
+
+/// Makes (or finds) what the key names and answers it; without making it where the client's copy is good.
+///
+/// `revision` is the data version in the URL, if there is one.
+pub async fn made(
+    app: &Arc<App>,
+    key: &TileKey,
+    content_type: &'static str,
+    maker: Maker,
+    revision: Option<&str>,
+    headers: &HeaderMap,
+) -> Result<Response, MakeError> {
     // The bytes follow from the key and the data's version, so the tag is known before the tile is.
     let tag = format!("W/\"{}\"", Digest::new().text(&app.scene.revision).text(&key.text).short_hex());
     let cache_control = match revision {
@@ -65,9 +81,7 @@ pub async fn tile(
     if let Some(unchanged) = tagged(&tag, cache_control, headers) {
         return Ok(unchanged);
     }
-    let content_type = order.content_type();
-    let scene = app.scene.clone();
-    let bytes = app.cache.get(&key, Arc::new(move || super::make::make(&scene, &order))).await?;
+    let bytes = app.cache.get(key, maker).await?;
     Ok(with_tag(content_type, &tag, cache_control, bytes))
 }
 

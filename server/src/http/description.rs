@@ -14,7 +14,7 @@ use treeline_core::scene::{SceneDescription, SceneLayer, Sun};
 /// Answers with the scene's description.
 pub async fn scene_json(State(app): State<AppState>, headers: HeaderMap) -> Response {
     let base = base_url(app.public_url.as_deref(), &headers);
-    let description = describe(&app.scene, &format!("{base}/wms?"));
+    let description = describe(&app.scene, &base);
     match serde_json::to_vec(&description) {
         Ok(body) => answer::document("application/json", body, &headers),
         Err(error) => answer::refusal(
@@ -24,14 +24,14 @@ pub async fn scene_json(State(app): State<AppState>, headers: HeaderMap) -> Resp
     }
 }
 
-/// What a client is told of a scene; `wms` is the URL of the WMS, ending in `?`.
-pub fn describe(scene: &Scene, wms: &str) -> SceneDescription {
+/// What a client is told of a scene; `base` is how links start, without a slash at the end.
+pub fn describe(scene: &Scene, base: &str) -> SceneDescription {
     let (minimum_height, maximum_height) = scene.height.range();
     let tallest = tallest_tree_metres(scene);
     SceneDescription {
         name: scene.name.clone(),
         revision: scene.revision.clone(),
-        wms: wms.to_owned(),
+        wms: format!("{base}/wms?"),
         attribution: scene.attribution.clone(),
         extent: scene.height.extent().bounds,
         minimum_height: f64::from(minimum_height),
@@ -56,6 +56,7 @@ pub fn describe(scene: &Scene, wms: &str) -> SceneDescription {
         vegetation: scene.cover.is_some(),
         land_cover: land_cover_levels(scene),
         species: scene_species(scene),
+        trees: scene.cover.is_some().then(|| format!("{base}/trees/")),
         seed: scene.seed,
         sun: Sun { time: scene.sun_time.clone() },
         camera: scene.camera,

@@ -12,6 +12,7 @@ mod page;
 mod query;
 mod serve;
 mod tiles;
+mod trees;
 mod wms;
 
 pub use description::describe;
@@ -44,6 +45,7 @@ pub fn router(state: AppState) -> Router {
         .route("/", get(page::page))
         .route("/wms", get(wms::wms))
         .route("/tiles/{layer}/{set}/{level}/{row}/{column}", get(tiles::tile))
+        .route("/trees/{code}", get(trees::trees))
         .route("/scene.json", get(description::scene_json))
         .route("/healthz", get(operations::healthz))
         .route("/readyz", get(operations::readyz))

@@ -91,7 +91,7 @@ impl Order {
             if request.transparent { "+transparent" } else { "" },
             request.nodata
         );
-        TileKey { layer: request.layer, text: text.into() }
+        TileKey { product: request.layer.into(), text: text.into() }
     }
 }
 

@@ -69,21 +69,19 @@ pub fn choose(pieces: &Pieces, epsilon: f32, rules: &Rules) -> Option<Vec<Plane>
         let first = space.best(&planes, rules)?;
         let plane = refined(pieces, &left, first, epsilon, &planes, rules);
         let heights = pieces.heights(plane.normal);
-        let before = count;
+        let mut taken = Vec::new();
         for (index, left) in left.iter_mut().enumerate() {
-            if !*left {
-                continue;
-            }
             let [low, high] = pieces.span(index, &heights);
-            if plane.offset - low <= epsilon && high - plane.offset <= epsilon {
+            if *left && plane.offset - low <= epsilon && high - plane.offset <= epsilon {
                 *left = false;
-                count -= 1;
-                space.vote(pieces, index, -1.0);
+                taken.push(index);
             }
         }
-        if before == count {
+        if taken.is_empty() {
             return None;
         }
+        count -= taken.len();
+        space.vote(pieces, &taken, -1.0);
         planes.push(plane);
     }
     Some(planes)
@@ -140,18 +138,19 @@ impl Space {
         let axes = heights.iter().map(|heights| Axis::round(heights, epsilon, BINS)).collect();
         let changes = vec![[0.0; BINS + 1]; normals.len()];
         let mut space = Self { normals, heights, axes, epsilon, changes };
-        for index in 0..pieces.list.len() {
-            space.vote(pieces, index, 1.0);
-        }
+        let all: Vec<usize> = (0..pieces.list.len()).collect();
+        space.vote(pieces, &all, 1.0);
         space
     }
 
-    /// Adds or takes back a piece's votes.
-    fn vote(&mut self, pieces: &Pieces, index: usize, sign: f64) {
+    /// Adds or takes back the votes of pieces.
+    fn vote(&mut self, pieces: &Pieces, indices: &[usize], sign: f64) {
         for (direction, changes) in self.changes.iter_mut().enumerate() {
-            let weight = sign * f64::from(vote(&pieces.list[index], self.normals[direction]));
-            let span = pieces.span(index, &self.heights[direction]);
-            self.axes[direction].vote(span, self.epsilon, weight, changes);
+            let (normal, heights) = (self.normals[direction], &self.heights[direction]);
+            for &index in indices {
+                let weight = sign * f64::from(vote(&pieces.list[index], normal));
+                self.axes[direction].vote(pieces.span(index, heights), self.epsilon, weight, changes);
+            }
         }
     }
 

@@ -24,7 +24,7 @@ use polish::polish;
 pub struct Cover {
     /// Planes of foliage; branches near one are drawn on it, too.
     pub foliage: Vec<Plane>,
-    /// Planes of wood, which show all of it.
+    /// Planes of wood, which show all of it, or the trunk.
     pub wood: Vec<Plane>,
     /// The greatest distance of any corner of the model to the nearest plane that shows it.
     pub epsilon: f32,
@@ -44,6 +44,10 @@ pub struct Budget {
 /// Budgets of the levels 1, 2 and 3.
 pub const BUDGETS: [Budget; 3] =
     [Budget { foliage: 15, wood: 2 }, Budget { foliage: 6, wood: 2 }, Budget { foliage: 2, wood: 2 }];
+
+/// Greedy planes lie this way and that, and stand out of a crown where they end: they are taken
+/// where their ε is at most this share of the pinwheel's.
+const WORTH_IT: f32 = 0.8;
 
 /// Where there are more planes than this, one is there to be seen from above.
 const MANY: usize = 6;
@@ -65,11 +69,22 @@ pub fn cover(model: &[Quad], budget: Budget) -> Cover {
     cover
 }
 
+/// Covers with no more planes of foliage than this show the trunk alone of the wood,
+const FEW: usize = 2;
+/// which stands within this share of the model's radius.
+const TRUNK: f32 = 0.15;
+
 impl Cover {
+    /// Whether its planes of wood show wood at a place: where there are few planes, twigs are thinner
+    /// than texels, and only the trunk is drawn.
+    pub fn shows_wood(&self, place: Vec3) -> bool {
+        self.foliage.len() > FEW || place.truncate().length() <= TRUNK * self.radius
+    }
+
     /// The greatest distance of any corner of a model to the nearest plane that shows it.
     pub fn reached(&self, model: &[Quad]) -> f32 {
         let nearest = |place: Vec3, is_wood: bool| {
-            let wood = self.wood.iter().filter(|_| is_wood);
+            let wood = self.wood.iter().filter(|_| is_wood && self.shows_wood(place));
             self.foliage.iter().chain(wood).map(|plane| plane.distance(place)).fold(f32::INFINITY, f32::min)
         };
         let of_quad = |quad: &Quad| {
@@ -101,7 +116,7 @@ fn planes(quads: &[Quad], count: usize) -> Vec<Plane> {
     let (greedy, by_greedy) = polish(&pieces, greedy, &rules);
     let (pinwheel, by_pinwheel) = polish(&pieces, pinwheel(quads, low, high, covering), &rules);
     let (mut planes, reached) =
-        if by_greedy <= by_pinwheel { (greedy, by_greedy) } else { (pinwheel, by_pinwheel) };
+        if by_greedy <= WORTH_IT * by_pinwheel { (greedy, by_greedy) } else { (pinwheel, by_pinwheel) };
     hough::add_showing(&pieces, reached, count.min(planes.len() + caps), &mut planes);
     planes
 }

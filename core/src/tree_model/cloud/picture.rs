@@ -17,10 +17,6 @@ const FINE: usize = 3;
 const FILL: f32 = 0.35;
 /// What places in the tree frame are rounded by: a piece lies in its own plane.
 const ROUNDING: f32 = 1e-5;
-/// Covers with no more planes of foliage than this show the trunk alone of the wood,
-const FEW: usize = 2;
-/// which stands within this share of the model's radius.
-const TRUNK: f32 = 0.15;
 
 /// A plane with its picture.
 #[derive(Clone, Debug)]
@@ -84,12 +80,11 @@ impl Layout {
                 sheets.push(Sheet { frame, shown, foliage: has_leaves });
             }
         }
-        // Where there are few planes, twigs are thinner than texels: the trunk is all that is drawn.
-        let reach = if cover.foliage.len() > FEW { f32::INFINITY } else { TRUNK * cover.radius };
-        let is_near = |index: usize| {
-            pieces.list[index].quad.places().iter().all(|place| place.truncate().length() <= reach)
+        let is_cardboard = |&index: &usize| {
+            let places = pieces.list[index].quad.places();
+            is_wood(index) && places.into_iter().all(|place| cover.shows_wood(place))
         };
-        let wood: Vec<usize> = all.filter(|&index| is_wood(index) && is_near(index)).collect();
+        let wood: Vec<usize> = all.filter(is_cardboard).collect();
         for plane in &cover.wood {
             if let Some(frame) = Frame::round(&pieces, plane, || wood.iter().copied()) {
                 sheets.push(Sheet { frame, shown: wood.clone(), foliage: false });

@@ -9,8 +9,6 @@ use std::collections::HashMap;
 pub struct Piece {
     /// The part, with its own corners' attributes.
     pub quad: Quad,
-    /// Its corners in [`Pieces::vertices`].
-    pub corners: [u32; 4],
     /// Area.
     pub area: f32,
     /// Unit normal, zero where it has none.
@@ -24,6 +22,8 @@ pub struct Pieces {
     pub vertices: Vec<Vec3>,
     /// The pieces.
     pub list: Vec<Piece>,
+    /// Every piece's corners in `vertices`, apart from the rest: they are read most.
+    pub corners: Vec<[u32; 4]>,
 }
 
 /// Quads are cut into at most this many parts along a side.
@@ -62,9 +62,9 @@ impl Pieces {
                         })
                     });
                     let cross = 0.5 * (places[2] - places[0]).cross(places[3] - places[1]);
+                    pieces.corners.push(corners);
                     pieces.list.push(Piece {
                         quad: part,
-                        corners,
                         area: cross.length(),
                         normal: cross.normalize_or_zero(),
                     });
@@ -81,7 +81,7 @@ impl Pieces {
 
     /// Least and greatest height of a piece's corners, from [`Self::heights`].
     pub fn span(&self, piece: usize, heights: &[f32]) -> [f32; 2] {
-        let corners = self.list[piece].corners.map(|corner| heights[corner as usize]);
+        let corners = self.corners[piece].map(|corner| heights[corner as usize]);
         let [low, high] =
             [f32::min, f32::max].map(|pick| corners[1..].iter().fold(corners[0], |sum, &h| pick(sum, h)));
         [low, high]

@@ -48,8 +48,8 @@ fn shared_out(pieces: &Pieces, planes: &[Plane]) -> (Vec<Vec<u32>>, f32) {
         }
     }
     let mut own = vec![Vec::new(); planes.len()];
-    for (piece, &(_, plane)) in pieces.list.iter().zip(&nearest) {
-        own[plane].extend(piece.corners);
+    for (corners, &(_, plane)) in pieces.corners.iter().zip(&nearest) {
+        own[plane].extend(corners);
     }
     for corners in &mut own {
         corners.sort_unstable();
