@@ -221,8 +221,9 @@ fn attributes(raster: &Raster, frame: &Frame, shade: f32, foliage: bool) -> [Cor
 const OUTWARD: f32 = 1.8;
 
 /// What of a normal lies in a plane, a little upwards: a picture is seen from both sides, and which of
-/// them is bright follows from where the eye is.
+/// them is bright follows from where the eye is. One that lies flat is seen from above.
 fn in_plane(normal: Vec3, plane: Vec3) -> Vec3 {
-    let along = (normal - plane * normal.dot(plane)) * OUTWARD + Vec3::new(0.0, 0.0, 0.1);
+    let across = plane * normal.dot(plane) * (1.0 - plane.z.abs());
+    let along = (normal - across) * OUTWARD + Vec3::new(0.0, 0.0, 0.1);
     along.clamp_length_max(1.0)
 }
