@@ -84,7 +84,7 @@ fn wood(stem: &Stem, envelope: &Envelope, pictures: &Pictures, quads: &mut Vec<Q
                 uv: uv_in(&pictures.bark, pictures.side, u, v),
                 normal: out.to_array(),
                 // Wood within the crown stands in the shade of its leaves.
-                shade: if place.z < envelope.bottom { 0.75 } else { 0.4 * shade(envelope, place) },
+                shade: if place.z < envelope.bottom { 0.75 } else { 0.2 * shade(envelope, place) },
                 foliage: 0.0,
             };
             quads.push(Quad {

@@ -68,14 +68,11 @@ pub fn choose(pieces: &Pieces, epsilon: f32, rules: &Rules) -> Option<Vec<Plane>
         }
         let first = space.best(&planes, rules)?;
         let plane = refined(pieces, &left, first, epsilon, &planes, rules);
-        let heights = pieces.heights(plane.normal);
-        let mut taken = Vec::new();
-        for (index, left) in left.iter_mut().enumerate() {
-            let [low, high] = pieces.span(index, &heights);
-            if *left && plane.offset - low <= epsilon && high - plane.offset <= epsilon {
-                *left = false;
-                taken.push(index);
-            }
+        let distances = pieces.distances(&plane);
+        let taken: Vec<usize> =
+            (0..left.len()).filter(|&index| left[index] && distances[index] <= epsilon).collect();
+        for &index in &taken {
+            left[index] = false;
         }
         if taken.is_empty() {
             return None;
@@ -92,11 +89,9 @@ pub fn add_showing(pieces: &Pieces, epsilon: f32, count: usize, planes: &mut Vec
     let normals = normals();
     let mut shown = vec![0.0_f32; pieces.list.len()];
     let note = |plane: &Plane, shown: &mut [f32]| {
-        let heights = pieces.heights(plane.normal);
-        for (index, shown) in shown.iter_mut().enumerate() {
-            let [low, high] = pieces.span(index, &heights);
-            if plane.offset - low <= epsilon && high - plane.offset <= epsilon {
-                *shown = shown.max(plane.normal.dot(pieces.list[index].normal).abs());
+        for (index, distance) in pieces.distances(plane).into_iter().enumerate() {
+            if distance <= epsilon {
+                shown[index] = shown[index].max(plane.normal.dot(pieces.list[index].normal).abs());
             }
         }
     };

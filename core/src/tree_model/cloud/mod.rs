@@ -1,10 +1,12 @@
 //! Billboard clouds: a model as a few planes with pictures.
 //!
-//! Made for plants. Foliage and wood apart: foliage (and the branches among it) gets the planes
-//! that [`hough`] chooses; wood is a *cardboard* of two upright planes that cross in the trunk. A
-//! piece of the model is drawn on **all** planes that pass within ε of it, not only on the one that
-//! took it, so that no gap opens where two planes share a crown. The pictures are drawn by
-//! [`super::raster`] into the smallest rectangle round what they show.
+//! Made for plants. Foliage and wood apart: foliage (and the branches among it) gets planes that stand
+//! like a pinwheel round the trunk, turned until the farthest corner is nearer ([`polish`]), or those that [`hough`]
+//! chooses greedily, where they are clearly nearer; one more is chosen for who looks down. Wood is a
+//! *cardboard* of two upright planes that cross in the trunk. A piece of the model is drawn on
+//! **all** planes that pass within ε of it, not only on the nearest, so that no gap opens where
+//! planes share a crown. The pictures are drawn by [`super::raster`] into the smallest rectangle round
+//! what they show. Nothing farther is drawn: it was tried, and the clouds looked less like the trees.
 
 pub mod hough;
 mod picture;
@@ -52,8 +54,8 @@ const WORTH_IT: f32 = 0.8;
 /// Where there are more planes than this, one is there to be seen from above.
 const MANY: usize = 6;
 
-/// Steps of the search for the least ε.
-const SEARCH_STEPS: usize = 7;
+/// No ε less than this is looked for: 3 cm of a tree of 30 m.
+const LEAST: f32 = 0.001;
 
 /// Chooses planes: those with the least ε that the budget allows.
 pub fn cover(model: &[Quad], budget: Budget) -> Cover {
@@ -83,13 +85,13 @@ impl Cover {
 
     /// The greatest distance of any corner of a model to the nearest plane that shows it.
     pub fn reached(&self, model: &[Quad]) -> f32 {
-        let nearest = |place: Vec3, is_wood: bool| {
-            let wood = self.wood.iter().filter(|_| is_wood && self.shows_wood(place));
-            self.foliage.iter().chain(wood).map(|plane| plane.distance(place)).fold(f32::INFINITY, f32::min)
+        let from_planes = |place: Vec3, is_wood: bool| {
+            let foliage = nearest(&self.foliage, place);
+            if is_wood && self.shows_wood(place) { foliage.min(nearest(&self.wood, place)) } else { foliage }
         };
         let of_quad = |quad: &Quad| {
             let is_wood = quad.corners[0].foliage <= 0.5;
-            quad.places().map(|place| nearest(place, is_wood)).into_iter().fold(0.0, f32::max)
+            quad.places().map(|place| from_planes(place, is_wood)).into_iter().fold(0.0, f32::max)
         };
         let greatest = model.iter().map(of_quad).fold(0.0, f32::max);
         if greatest.is_finite() { greatest } else { 0.0 }
@@ -108,38 +110,37 @@ fn planes(quads: &[Quad], count: usize) -> Vec<Plane> {
     let caps = if count > MANY { 1 } else { 0 };
     let covering = count - caps;
     let rules = Rules::for_planes(covering);
-    let longest = (high - low).max_element().max(1e-3);
-    let epsilon_of_star = 0.5 * longest.min(high.truncate().distance(low.truncate()).max(0.05 * longest));
-    let (greedy, epsilon) = least(quads, &rules, epsilon_of_star);
-    // Both are turned until nothing gains; pieces are half as large as the slab that must hold them.
-    let pieces = Pieces::new(quads, 0.5 * epsilon, 0.01 * epsilon);
-    let (greedy, by_greedy) = polish(&pieces, greedy, &rules);
-    let (pinwheel, by_pinwheel) = polish(&pieces, pinwheel(quads, low, high, covering), &rules);
-    let (mut planes, reached) =
-        if by_greedy <= WORTH_IT * by_pinwheel { (greedy, by_greedy) } else { (pinwheel, by_pinwheel) };
+    let standing = pinwheel(quads, low, high, covering);
+    let farthest = places().map(|place| nearest(&standing, place)).fold(0.0, f32::max);
+    // Pieces are half as large as the slab that must hold them.
+    let pieces = Pieces::new(quads, 0.5 * farthest.max(LEAST), 0.01 * farthest.max(LEAST));
+    let (mut planes, mut reached) = polish(&pieces, standing, &rules);
+    if let Some(greedy) = least(quads, &rules, (WORTH_IT * reached).max(LEAST)) {
+        (planes, reached) = polish(&pieces, greedy, &rules);
+    }
     hough::add_showing(&pieces, reached, count.min(planes.len() + caps), &mut planes);
     planes
 }
 
-/// Greedy planes with about the least ε that the rules allow.
-fn least(quads: &[Quad], rules: &Rules, first: f32) -> (Vec<Plane>, f32) {
-    let (mut enough, mut too_little) = (first, 0.0);
-    let mut best = Vec::new();
-    // The first ε that is enough is found by growing: within as many steps as any model takes.
-    for _ in 0..SEARCH_STEPS + 6 {
-        let epsilon = if best.is_empty() { enough } else { 0.5 * (enough + too_little) };
-        // Pieces are smaller than the slab that must hold them.
-        let pieces = Pieces::new(quads, epsilon, 0.02 * epsilon);
-        match hough::choose(&pieces, epsilon, rules) {
-            Some(planes) => (best, enough) = (planes, epsilon),
-            None if best.is_empty() => enough *= 1.6,
-            None => too_little = epsilon,
-        }
-        if !best.is_empty() && enough - too_little < 0.08 * enough {
-            break;
+/// Distance of a place from the nearest plane.
+fn nearest(planes: &[Plane], place: Vec3) -> f32 {
+    planes.iter().map(|plane| plane.distance(place)).fold(f32::INFINITY, f32::min)
+}
+
+/// Greedy planes with about the least ε that the rules allow, below a bound; `None` where that is not enough.
+fn least(quads: &[Quad], rules: &Rules, bound: f32) -> Option<Vec<Plane>> {
+    // Pieces are smaller than the slab that must hold them.
+    let choose = |epsilon: f32| hough::choose(&Pieces::new(quads, epsilon, 0.02 * epsilon), epsilon, rules);
+    let mut best = choose(bound)?;
+    let (mut enough, mut too_little) = (bound, 0.0);
+    while enough - too_little > 0.1 * enough + 0.1 * LEAST {
+        let middle = 0.5 * (enough + too_little);
+        match choose(middle) {
+            Some(planes) => (best, enough) = (planes, middle),
+            None => too_little = middle,
         }
     }
-    (best, enough)
+    Some(best)
 }
 
 /// Planes round an axis, which they pass at a distance at which they cut the rim's circle at equal arcs:

@@ -12,9 +12,6 @@ use glam::Vec3;
 /// Samples along a texel's side.
 const FINE: usize = 3;
 
-/// A plane also shows what is farther from it than ε by this share of the model's radius: crowns are
-/// hollow, and a plane that passes their middle would show only their rims.
-const FILL: f32 = 0.35;
 /// What places in the tree frame are rounded by: a piece lies in its own plane.
 const ROUNDING: f32 = 1e-5;
 
@@ -63,16 +60,18 @@ impl Layout {
         let all = 0..pieces.list.len();
         let is_wood = |index: usize| pieces.list[index].quad.corners[0].foliage <= 0.5;
         let has_leaves = all.clone().any(|index| !is_wood(index));
+        // How far each piece's farthest corner lies from each plane.
+        let distances: Vec<Vec<f32>> = cover.foliage.iter().map(|plane| pieces.distances(plane)).collect();
+        let nearest: Vec<f32> = all
+            .clone()
+            .map(|index| distances.iter().map(|of_plane| of_plane[index]).fold(f32::INFINITY, f32::min))
+            .collect();
         let mut sheets = Vec::new();
-        for plane in &cover.foliage {
-            // Not on planes that slope: their pictures would stand out of the crown.
-            let fill = FILL * (1.0 - 3.0 * plane.normal.z.abs()).max(0.0);
-            let reach = cover.epsilon + fill * cover.radius + ROUNDING;
-            let heights = pieces.heights(plane.normal);
-            let is_shown = |&index: &usize| {
-                let [low, high] = pieces.span(index, &heights);
-                plane.offset - low <= reach && high - plane.offset <= reach
-            };
+        for (plane, distances) in cover.foliage.iter().zip(&distances) {
+            // A piece between two planes that is within ε of neither is drawn on the nearer.
+            let reach =
+                |index: usize| if is_wood(index) { cover.epsilon } else { nearest[index].max(cover.epsilon) };
+            let is_shown = |&index: &usize| distances[index] <= reach(index) + ROUNDING;
             let shown: Vec<usize> = all.clone().filter(is_shown).collect();
             // Branches do not make a picture larger: the cardboard shows them, too.
             let framed = || shown.iter().copied().filter(|&index| !has_leaves || !is_wood(index));

@@ -1,5 +1,6 @@
 //! A model cut into pieces small enough for planes to share.
 
+use super::hough::Plane;
 use crate::tree_model::quad::{Corner, Quad};
 use glam::Vec3;
 use std::collections::HashMap;
@@ -77,6 +78,16 @@ impl Pieces {
     /// Heights of all vertices over a plane through the origin.
     pub fn heights(&self, normal: Vec3) -> Vec<f32> {
         self.vertices.iter().map(|&place| place.dot(normal)).collect()
+    }
+
+    /// How far the farthest corner of each piece lies from a plane.
+    pub fn distances(&self, plane: &Plane) -> Vec<f32> {
+        let heights = self.heights(plane.normal);
+        let of_piece = |piece: usize| {
+            let [low, high] = self.span(piece, &heights);
+            (plane.offset - low).max(high - plane.offset)
+        };
+        (0..self.list.len()).map(of_piece).collect()
     }
 
     /// Least and greatest height of a piece's corners, from [`Self::heights`].

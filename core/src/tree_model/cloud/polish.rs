@@ -38,10 +38,7 @@ pub fn polish(pieces: &Pieces, mut planes: Vec<Plane>, rules: &Rules) -> (Vec<Pl
 fn shared_out(pieces: &Pieces, planes: &[Plane]) -> (Vec<Vec<u32>>, f32) {
     let mut nearest = vec![(f32::INFINITY, 0); pieces.list.len()];
     for (index, plane) in planes.iter().enumerate() {
-        let heights = pieces.heights(plane.normal);
-        for (piece, nearest) in nearest.iter_mut().enumerate() {
-            let [low, high] = pieces.span(piece, &heights);
-            let distance = (plane.offset - low).max(high - plane.offset);
+        for (distance, nearest) in pieces.distances(plane).into_iter().zip(&mut nearest) {
             if distance < nearest.0 {
                 *nearest = (distance, index);
             }
