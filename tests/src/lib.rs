@@ -21,3 +21,4 @@ pub mod recall;
 pub mod reference;
 pub mod terrain_gpu;
 pub mod tile_world;
+pub mod tree_pictures;
