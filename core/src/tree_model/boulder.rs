@@ -26,11 +26,10 @@ pub fn boulder(envelope: &Envelope, pictures: &Pictures, random: &mut Random) ->
     };
     let middle = Vec3::new(0.0, 0.0, 0.4);
     let place = |way: Vec3| {
-        let ground = Vec3::new(way.x * envelope.radius, way.y * envelope.radius, 0.6 * way.z) * cut(way);
-        let raw = middle + ground;
-        let distance = raw.x.hypot(raw.y);
-        let ceiling = envelope.surface(distance.min(envelope.radius)).unwrap_or(envelope.base).max(0.0);
-        Vec3::new(raw.x, raw.y, raw.z.clamp(-0.05, ceiling))
+        let raw =
+            middle + Vec3::new(way.x * envelope.radius, way.y * envelope.radius, 0.6 * way.z) * cut(way);
+        // What lies in the ground stands upright there.
+        if raw.z > 0.0 { envelope.pull_in(raw) } else { Vec3::new(raw.x, raw.y, raw.z.max(-0.05)) }
     };
     let faces = [Vec3::X, Vec3::Y, Vec3::Z, -Vec3::X, -Vec3::Y, -Vec3::Z];
     let mut quads = Vec::new();

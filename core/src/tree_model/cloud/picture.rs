@@ -12,6 +12,8 @@ use glam::Vec3;
 /// Samples along a texel's side.
 const FINE: usize = 3;
 
+/// Planes nearer to a rock's middle than this share of its radius go through its inside.
+const INSIDE: f32 = 0.35;
 /// What places in the tree frame are rounded by: a piece lies in its own plane.
 const ROUNDING: f32 = 1e-5;
 
@@ -60,6 +62,7 @@ impl Layout {
         let all = 0..pieces.list.len();
         let is_wood = |index: usize| pieces.list[index].quad.corners[0].foliage <= 0.5;
         let has_leaves = all.clone().any(|index| !is_wood(index));
+        let middle = pieces.vertices.iter().sum::<Vec3>() / pieces.vertices.len().max(1) as f32;
         // How far each piece's farthest corner lies from each plane.
         let distances: Vec<Vec<f32>> = cover.foliage.iter().map(|plane| pieces.distances(plane)).collect();
         let nearest: Vec<f32> = all
@@ -69,8 +72,13 @@ impl Layout {
         let mut sheets = Vec::new();
         for (plane, distances) in cover.foliage.iter().zip(&distances) {
             // A piece between two planes that is within ε of neither is drawn on the nearer.
-            let reach =
-                |index: usize| if is_wood(index) { cover.epsilon } else { nearest[index].max(cover.epsilon) };
+            // A rock is solid: a plane through its inside shows all of it.
+            let is_inside = plane.distance(middle) < INSIDE * cover.radius;
+            let reach = |index: usize| match (has_leaves, is_wood(index)) {
+                (true, true) => cover.epsilon,
+                (false, _) if is_inside => f32::INFINITY,
+                _ => nearest[index].max(cover.epsilon),
+            };
             let is_shown = |&index: &usize| distances[index] <= reach(index) + ROUNDING;
             let shown: Vec<usize> = all.clone().filter(is_shown).collect();
             // Branches do not make a picture larger: the cardboard shows them, too.
