@@ -84,7 +84,7 @@ fn side_by_side(model: &TreeSpecies, path: &Path) -> anyhow::Result<()> {
         picture(model, level, 0, &View { azimuth_deg: 20.0, down_deg, pixels: LARGE })
     };
     let cell = large(0, 3.0).dimensions();
-    let mut sheet = RgbImage::from_pixel(cell.0 * levels as u32, cell.1 * 3, image::Rgb([255; 3]));
+    let mut sheet = RgbImage::from_pixel(cell.0 * levels as u32, cell.1 * 5 / 2, image::Rgb([255; 3]));
     for level in 0..levels {
         let x = i64::from(cell.0) * level as i64;
         replace(&mut sheet, &large(level, 3.0), x, 0);
