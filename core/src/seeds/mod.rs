@@ -25,5 +25,5 @@ pub mod place;
 pub mod species;
 pub mod tree;
 
-pub use species::{CrownShape, Species, SpeciesDefinition};
+pub use species::{CrownShape, Group, Season, Species, SpeciesDefinition};
 pub use tree::{Stand, Tree, Window, for_each_tree};

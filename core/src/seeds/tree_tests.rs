@@ -148,7 +148,7 @@ fn poles_void_stands_and_empty_windows_have_no_trees() {
         Stand::default(),
         Stand { species: 1, closure: 0, height: 0 },
         Stand { species: 1, closure: 255, height: 7 },
-        Stand { species: 3, closure: 255, height: 0 },
+        Stand { species: 13, closure: 255, height: 0 },
     ] {
         assert_eq!(trees(&window, 1, stand), []);
     }

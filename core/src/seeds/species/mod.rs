@@ -1,4 +1,6 @@
-//! What a species' trees look like.
+//! What a species' trees look like, and where they grow.
+
+pub mod built_in;
 
 use super::expected;
 use super::pattern::CANDIDATES_PER_KM2;
@@ -43,6 +45,34 @@ impl CrownShape {
     }
 }
 
+/// What a species is among: sources that tell no more than "conifer" choose from all conifers.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Group {
+    /// Spruce, fir, larch, pines.
+    Conifer,
+    /// Beech, oak, birch, willow.
+    Broadleaf,
+    /// What only grows where it is named: shrubs, stones.
+    #[default]
+    Other,
+}
+
+/// What the year does to a species.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Season {
+    /// Always the same.
+    #[default]
+    Evergreen,
+    /// Turns gold in autumn, then is bare: larch, birch.
+    Gold,
+    /// Turns brown and red in autumn, then is bare: beech, oak.
+    Sheds,
+    /// Does not live: stones.
+    Still,
+}
+
 /// A species as a person states it; lengths in metres.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -65,6 +95,37 @@ pub struct SpeciesDefinition {
     pub trees_per_km2: f64,
     /// Colour in maps of land cover, sRGB.
     pub colour: [u8; 3],
+    /// What it is chosen among.
+    #[serde(default)]
+    pub group: Group,
+    /// How common it is among its group where all conditions suit it; 0: only where it is named.
+    #[serde(default)]
+    pub commonness: f64,
+    /// Heights above the sea between which it thrives at 47° north or south, metres; elsewhere the belts lie
+    /// higher toward the equator and lower toward the poles.
+    #[serde(default = "anywhere")]
+    pub altitude_metres: [f64; 2],
+    /// No steeper ground is chosen for it, degrees.
+    #[serde(default = "steepest")]
+    pub steepest_degrees: f64,
+    /// Moisture of the ground that it likes best: 0 ridges and steep slopes, 1 hollows and valley floors.
+    #[serde(default = "half")]
+    pub moisture: f64,
+    /// What the year does to it.
+    #[serde(default)]
+    pub season: Season,
+}
+
+fn anywhere() -> [f64; 2] {
+    [-500.0, 9000.0]
+}
+
+fn steepest() -> f64 {
+    60.0
+}
+
+fn half() -> f64 {
+    0.5
 }
 
 /// A species of a scene: its definition, and the integers and the table made from it.
@@ -96,6 +157,11 @@ impl Species {
             ("crown_radius_ratio", d.crown_radius_ratio, 0.02, 0.5),
             ("crown_base_ratio", d.crown_base_ratio, 0.0, 0.95),
             ("trees_per_km2", d.trees_per_km2, 1.0, CANDIDATES_PER_KM2.floor()),
+            ("commonness", d.commonness, 0.0, 1000.0),
+            ("altitude_metres", d.altitude_metres[0], -500.0, d.altitude_metres[1]),
+            ("altitude_metres", d.altitude_metres[1], d.altitude_metres[0], 9000.0),
+            ("steepest_degrees", d.steepest_degrees, 0.0, 90.0),
+            ("moisture", d.moisture, 0.0, 1.0),
         ];
         for (field, value, least, most) in checks {
             if !(least..=most).contains(&value) {
@@ -122,31 +188,9 @@ impl Species {
         Ok(species)
     }
 
-    /// Spruce (code 1) and beech (code 2).
+    /// The built-in table ([`built_in`]), by code.
     pub fn built_in() -> Vec<Self> {
-        let spruce = SpeciesDefinition {
-            name: "Norway spruce".into(),
-            lowest_metres: 18.0,
-            highest_metres: 34.0,
-            tallest_metres: 50.0,
-            crown_radius_ratio: 0.145,
-            crown_base_ratio: 0.18,
-            crown: CrownShape::Cone,
-            trees_per_km2: 21_000.0,
-            colour: [28, 84, 56],
-        };
-        let beech = SpeciesDefinition {
-            name: "European beech".into(),
-            lowest_metres: 17.0,
-            highest_metres: 30.0,
-            tallest_metres: 45.0,
-            crown_radius_ratio: 0.2,
-            crown_base_ratio: 0.42,
-            crown: CrownShape::Dome,
-            trees_per_km2: 15_000.0,
-            colour: [92, 140, 58],
-        };
-        [spruce, beech]
+        built_in::definitions()
             .into_iter()
             .zip(1..)
             .map(|(definition, code)| Self::new(code, definition).expect("the built-in species are valid"))
@@ -211,10 +255,10 @@ mod tests {
     proptest! {
         #[test]
         fn crowns_are_below_the_top_and_within_the_radius(
-            beech in any::<bool>(), size: u8, stand: u8, distance in 0.0..20.0_f32,
+            index in 0_usize..12, size: u8, stand: u8, distance in 0.0..20.0_f32,
         ) {
             let table = Species::built_in();
-            let species = &table[usize::from(beech)];
+            let species = &table[index];
             let height = species.tree_height(size, stand) as f32 / HEIGHT_UNITS as f32;
             prop_assert!(height <= tallest_metres(&table));
             match species.crown_surface(height, distance) {
@@ -231,6 +275,12 @@ mod tests {
     fn a_stand_has_the_mean_height_that_it_is_said_to_have() {
         for species in Species::built_in() {
             for stand in [20_u8, 60, 100] {
+                // No tree of a stand may be cut at the tallest.
+                if species.highest * u32::from(stand) * (HEIGHT_UNITS / 4)
+                    > species.tallest * species.mean_height()
+                {
+                    continue;
+                }
                 let sum: u32 = (0..=255).map(|size| species.tree_height(size, stand)).sum();
                 let mean = f64::from(sum) / 256.0 / f64::from(HEIGHT_UNITS);
                 assert!((mean - f64::from(stand) / 4.0).abs() < 0.01, "{mean}");
