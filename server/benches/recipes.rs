@@ -5,12 +5,15 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 use treeline_core::camera::GeographicCamera;
-use treeline_core::grid::LatticeWindow;
+use treeline_core::codec::land_cover::CodeBits;
+use treeline_core::grid::{LatticeWindow, Registration};
 use treeline_core::layer::{Layer, SurfaceType};
 use treeline_core::seeds::Species;
 use treeline_core::tile::{GeographicBox, TileAddress};
 use treeline_server::recipe::{Format, TileRequest, make};
 use treeline_server::scene::Scene;
+use treeline_server::source::growth::{GrownCover, Growths};
+use treeline_server::source::open;
 use treeline_server::source::{
     ColourField, Cover, CoverField, FieldExtent, HeightField, SampleGrid, SourceError, procedural,
 };
@@ -118,6 +121,8 @@ fn scene(photo: bool) -> Scene {
         colour: photo.then(|| world.clone() as Arc<dyn ColourField>),
         cover: Some(world),
         species: Species::built_in(),
+        growing: vec![1, 2],
+        code_bits: CodeBits::default(),
         seed: 1,
         attribution: Vec::new(),
         sun_time: "2026-07-15T09:00:00Z".into(),
@@ -176,7 +181,35 @@ fn main() {
     measure("texture, level 14, jpeg, photo", &photo, &request(Layer::Texture, 14, Format::Jpeg));
     measure("texture, level 14, jpeg, relief", &plain, &request(Layer::Texture, 14, Format::Jpeg));
     measure("texture, level 14, webp, photo", &photo, &request(Layer::Texture, 14, Format::WebP));
+    photo_cover();
     built_in_fields();
+}
+
+/// What telling the cover of a photo takes for a tile that was never asked for, beyond reading photo and terrain.
+fn photo_cover() {
+    let world = scene(true);
+    let (colour, height) = (world.colour.expect("a photo"), world.height);
+    let growths = Growths::new(&Species::built_in());
+    let below = open::photo_cover(colour, height.clone(), growths.rules());
+    let grown = GrownCover::new(below.clone(), growths, height, 1);
+    let mut column = 0;
+    let mut next = move || {
+        column += 512;
+        LatticeWindow {
+            level: 13,
+            registration: Registration::Cell,
+            first_column: 4_430_000 + column % 10_000,
+            first_row: 1_012_000 + column / 10_000 * 512,
+            width: 516,
+            height: 516,
+        }
+    };
+    let mut out = vec![Cover::default(); 516 * 516];
+    // The first one learns what the photo looks like.
+    time("photo cover, 516 × 516 cells, cold", || below.sample(&SampleGrid::Lattice(next()), &mut out));
+    time("photo cover and species, 516 × 516 cells, cold", || {
+        grown.sample(&SampleGrid::Lattice(next()), &mut out)
+    });
 }
 
 /// What the built-in scene's own fields take for a tile.

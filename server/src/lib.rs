@@ -16,6 +16,7 @@ pub mod scene;
 pub mod scene_file;
 pub mod small_file;
 pub mod source;
+pub mod species_setting;
 pub mod state;
 pub mod toml_file;
 pub mod user_error;

@@ -4,19 +4,23 @@ use crate::cli::SceneArguments;
 use crate::default_camera::default_camera;
 use crate::revision::revision;
 use crate::scene::Scene;
-use crate::scene_file::{LandCoverSource, SceneFile, species_named};
+use crate::scene_file::{ClassSetting, LandCoverSource, SceneFile};
+use crate::source::growth::{GrownCover, Growths};
 use crate::source::open::{
     HeightOptions, SourceOptions, open_canopy_height, open_colour, open_height, open_land_cover,
     open_topographic_map, photo_cover,
 };
+use crate::source::picture::map::MapKey;
 use crate::source::raster_cover::LayeredCover;
 use crate::source::raster_height::RasterHeight;
 use crate::source::{ColourField, Cover, CoverField, FieldExtent, HeightField, procedural};
+use crate::species_setting::growth_of;
 use crate::user_error::UserError;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 use treeline_core::codec::elevation::CANOPY_QUANTUM_METRES;
+use treeline_core::codec::land_cover::CodeBits;
 use treeline_core::seeds::Species;
 use treeline_core::tile::GeographicBox;
 
@@ -52,6 +56,8 @@ pub fn built_in() -> Result<Scene, UserError> {
         colour: Some(Arc::new(procedural::colour())),
         cover: Some(Arc::new(procedural::cover())),
         species: Species::built_in(),
+        growing: procedural::SPECIES.to_vec(),
+        code_bits: CodeBits::default(),
         seed: defaults.seed,
         attribution: defaults.attribution,
         sun_time: defaults.sun_time,
@@ -93,14 +99,25 @@ pub fn open_file(file: &SceneFile) -> Result<Opened, UserError> {
         facts.push(("photo", opened.describe().to_string()));
         colour = Some(opened);
     }
-    let cover = open_cover(file, &species, &place, colour.as_ref(), &height, &mut facts)?;
+    let mut growths = Growths::new(&species);
+    let below = open_cover(file, &species, &mut growths, &place, colour.as_ref(), &height, &mut facts)?;
+    let seed = file.seed.unwrap_or(DEFAULT_SEED);
+    let cover = below.map(|(below, grown)| {
+        let growing = growths.species_of(&grown);
+        let height = height.clone() as Arc<dyn HeightField>;
+        (Arc::new(GrownCover::new(below, growths, height, seed)) as Arc<dyn CoverField>, growing)
+    });
+    let (cover, growing) = cover.map_or((None, Vec::new()), |(cover, growing)| (Some(cover), growing));
+    let code_bits = code_bits(file, &species, &growing)?;
     let scene = Scene {
         name: file.name.clone().unwrap_or_else(|| name_of(&dem.path)),
         revision: revision(Some(file))?,
         colour,
         cover,
         species,
-        seed: file.seed.unwrap_or(DEFAULT_SEED),
+        code_bits,
+        growing,
+        seed,
         attribution: attribution(file),
         sun_time: file
             .sun
@@ -114,6 +131,27 @@ pub fn open_file(file: &SceneFile) -> Result<Opened, UserError> {
         height,
     };
     Ok(Opened { scene, facts })
+}
+
+/// The bits of codes that the file asks for, or those that its species need.
+fn code_bits(file: &SceneFile, species: &[Species], growing: &[u8]) -> Result<CodeBits, UserError> {
+    let needed =
+        |code: u8| [CodeBits::Eight, CodeBits::Sixteen].into_iter().find(|bits| code <= bits.largest_class());
+    let Some(bits) = file.land_cover_bits.and_then(CodeBits::new) else {
+        return Ok(CodeBits::for_classes(u8::try_from(species.len()).unwrap_or(u8::MAX)));
+    };
+    let Some(overflow) = growing.iter().find_map(|&code| bits.check(code).err()) else { return Ok(bits) };
+    let largest = growing.iter().copied().max().unwrap_or(0);
+    let name = species
+        .get(usize::from(overflow.class).saturating_sub(1))
+        .map_or("a species", |species| species.definition.name.as_str());
+    Err(UserError::new(format!(
+        "land_cover_bits is {}, whose codes end with {}, and {name} has code {}; say land_cover_bits = {}, or grow fewer species",
+        overflow.bits,
+        overflow.largest,
+        overflow.class,
+        needed(largest).unwrap_or(CodeBits::ThirtyTwo) as u8
+    )))
 }
 
 /// Where the terrain is: other sources must touch it.
@@ -144,43 +182,61 @@ impl Place<'_> {
     }
 }
 
+/// A cover of growths, and the growths that it may have.
+type Below = (Arc<dyn CoverField>, Vec<u8>);
+
 /// What grows, by the best source that there is: classes or a tinted map, with measured canopy
-/// heights over them; else the photo by a rule; else nothing.
+/// heights over them; else the photo by its colours; else nothing.
 fn open_cover(
     file: &SceneFile,
     species: &[Species],
+    growths: &mut Growths,
     place: &Place<'_>,
     colour: Option<&Arc<dyn ColourField>>,
     height: &Arc<RasterHeight>,
     facts: &mut Vec<(&'static str, String)>,
-) -> Result<Option<Arc<dyn CoverField>>, UserError> {
-    let mut classes: Option<Arc<dyn CoverField>> = None;
+) -> Result<Option<Below>, UserError> {
+    let rules = growths.rules();
+    let mut classes: Option<Below> = None;
     if let Some(map) = &file.topographic_map {
         let options = options(&map.crs, None);
-        let opened = open_topographic_map(&map.path, &options, species)?;
+        let class = ClassSetting { species: map.species.clone(), ..ClassSetting::default() };
+        let named = growth_of(growths, species, &class)
+            .map_err(|error| UserError::new(format!("topographic_map.{error}")))?;
+        let growth = if map.species.is_some() { named } else { rules.mixed };
+        let key = MapKey { forest: map.forest.clone(), water: map.water.clone(), tolerance: map.tolerance };
+        let opened = open_topographic_map(&map.path, &options, &key, growth)?;
         place.check_touches(&map.path, opened.extent())?;
         facts.push(("topographic map", open_colour(&map.path, &options)?.describe().to_string()));
-        classes = Some(opened);
+        classes = Some((opened, vec![growth]));
     }
     if let Some(source) = &file.land_cover {
-        let table = class_table(source, species)?;
-        let opened = open_land_cover(&source.path, &options(&source.crs, source.nodata), &table, species)?;
+        let table = class_table(source, species, growths)?;
+        let opened = open_land_cover(&source.path, &options(&source.crs, source.nodata), &table, &rules)?;
         place.check_touches(&source.path, opened.extent())?;
         let description = format!("{}\n  classes     {}", opened.source().describe(), opened.table_name());
         facts.push(("land cover", description));
-        classes = Some(opened);
+        let grown = opened.growths();
+        classes = Some((opened, grown));
     }
     let below = classes.or_else(|| {
-        colour.map(|colour| photo_cover(colour.clone(), height.clone() as Arc<dyn HeightField>, species))
+        colour.map(|colour| {
+            let height = height.clone() as Arc<dyn HeightField>;
+            let grown = vec![rules.conifer, rules.broadleaf, rules.mixed];
+            (photo_cover(colour.clone(), height, rules), grown)
+        })
     });
     let Some(source) = &file.canopy_height else { return Ok(below) };
     let canopy =
-        open_canopy_height(&source.path, &options(&source.crs, source.nodata), source.scale, species)?;
+        open_canopy_height(&source.path, &options(&source.crs, source.nodata), source.scale, rules.mixed)?;
     place.check_touches(&source.path, canopy.extent())?;
     facts.push(("canopy height", canopy.source().describe().to_string()));
     Ok(Some(match below {
-        Some(below) => Arc::new(LayeredCover::new(below, canopy)),
-        None => canopy,
+        Some((below, mut grown)) => {
+            grown.push(rules.mixed);
+            (Arc::new(LayeredCover::new(below, canopy)), grown)
+        }
+        None => (canopy, vec![rules.mixed]),
     }))
 }
 
@@ -189,17 +245,18 @@ fn options(crs: &Option<String>, nodata: Option<f64>) -> SourceOptions {
 }
 
 /// The class table of a scene file as cover by value; empty where it gives none.
-fn class_table(source: &LandCoverSource, species: &[Species]) -> Result<BTreeMap<i64, Cover>, UserError> {
+fn class_table(
+    source: &LandCoverSource,
+    species: &[Species],
+    growths: &mut Growths,
+) -> Result<BTreeMap<i64, Cover>, UserError> {
     let wrong = |value: &str, error: String| UserError::new(format!("land_cover.classes.{value}.{error}"));
     source
         .classes
         .iter()
         .map(|(value, class)| {
             let number = value.parse().map_err(|_| wrong(value, "it is no whole number".to_owned()))?;
-            let code = match &class.species {
-                Some(name) => species_named(species, name).map_err(|error| wrong(value, error))?.code,
-                None => 0,
-            };
+            let code = growth_of(growths, species, class).map_err(|error| wrong(value, error))?;
             let closure = class.closure.unwrap_or(if code == 0 { 0.0 } else { 1.0 });
             let cover = Cover {
                 species: code,
@@ -253,7 +310,7 @@ mod tests {
             .into(),
             ..LandCoverSource::default()
         };
-        let table = class_table(&source, &species).unwrap();
+        let table = class_table(&source, &species, &mut Growths::new(&species)).unwrap();
         assert_eq!(table[&41], Cover { species: 2, closure: 128, height: 80, surface: 0 });
         assert_eq!(table[&42], Cover { species: 1, closure: 255, height: 0, surface: 0 });
         assert_eq!(table[&-3], Cover { species: 0, closure: 0, height: 0, surface: 2 });

@@ -3,6 +3,7 @@
 use crate::source::{ColourField, CoverField, HeightField};
 use std::sync::Arc;
 use treeline_core::camera::GeographicCamera;
+use treeline_core::codec::land_cover::CodeBits;
 use treeline_core::scene::Place;
 use treeline_core::seeds::Species;
 
@@ -20,6 +21,10 @@ pub struct Scene {
     pub cover: Option<Arc<dyn CoverField>>,
     /// Species by code: index 0 is code 1.
     pub species: Vec<Species>,
+    /// Codes of the species that [`Self::cover`] may have, ascending.
+    pub growing: Vec<u8>,
+    /// Bits of a packed land-cover code.
+    pub code_bits: CodeBits,
     /// The seed that grows the forest.
     pub seed: u32,
     /// Shown beside the picture.

@@ -16,15 +16,18 @@
 //!
 //! Paths are relative to the file. Everything but `[dem]` may be left out.
 
+use crate::source::growth::Growths;
+use crate::species_setting::{self, SpeciesSetting, growth_of};
 use crate::toml_file;
-use crate::user_error::{UserError, suggestion};
+use crate::user_error::UserError;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use treeline_core::camera::GeographicCamera;
+use treeline_core::codec::land_cover::CodeBits;
 use treeline_core::layer::SurfaceType;
 use treeline_core::scene::Place;
-use treeline_core::seeds::{Species, SpeciesDefinition};
+use treeline_core::seeds::Species;
 
 /// What is shown.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -36,6 +39,8 @@ pub struct SceneFile {
     pub seed: Option<u32>,
     /// Shown beside the picture, beside what the sources say.
     pub attribution: Vec<String>,
+    /// Bits of a land-cover code: 8, 16 or 32. Default: 16, or what the number of species needs.
+    pub land_cover_bits: Option<u8>,
     /// Terrain.
     pub dem: Option<DemSource>,
     /// Photo.
@@ -55,8 +60,8 @@ pub struct SceneFile {
     pub camera: Option<GeographicCamera>,
     /// Named views.
     pub places: Vec<Place>,
-    /// The species that grow, codes 1 and up in this order. Default: Norway spruce and European beech.
-    pub species: Vec<SpeciesDefinition>,
+    /// Species beside the built-in ones, codes 13 and up in this order, and built-in ones that are to be otherwise.
+    pub species: Vec<SpeciesSetting>,
 }
 
 /// `[dem]`.
@@ -123,8 +128,13 @@ pub struct LandCoverSource {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ClassSetting {
-    /// Name of the species that grows there. Default: nothing grows.
+    /// Name of the species that grows there, or of a group: "conifer", "broadleaf" or "mixed", of which height,
+    /// slope and moisture choose. Default: nothing grows.
     pub species: Option<String>,
+    /// Name of a second species.
+    pub secondary: Option<String>,
+    /// Its share of the trees, 0 to 1. Default: 0.3 where a second species is given.
+    pub secondary_share: Option<f64>,
     /// Share of the ground under crowns, 0 to 1. Default: 1 where a species is given.
     pub closure: Option<f64>,
     /// Height of the stand, metres. Default: the species' own.
@@ -165,6 +175,18 @@ pub struct TopographicMapSource {
     /// Must be shown beside the picture.
     #[serde(default)]
     pub attribution: Option<String>,
+    /// Colours of forest, red, green and blue. Default: the map's green, found by itself.
+    #[serde(default)]
+    pub forest: Vec<[u8; 3]>,
+    /// Colours of water. Default: whatever is blue.
+    #[serde(default)]
+    pub water: Vec<[u8; 3]>,
+    /// Distance within which a colour is taken for a given one, of 255. Default: 24.
+    #[serde(default)]
+    pub tolerance: Option<f64>,
+    /// What grows there, as in a class of land cover. Default: "mixed".
+    #[serde(default)]
+    pub species: Option<String>,
 }
 
 /// `[sun]`.
@@ -236,17 +258,7 @@ impl SceneFile {
 
     /// The species of the scene, prepared. The error names the species and its key.
     pub fn species_table(&self) -> Result<Vec<Species>, String> {
-        if self.species.is_empty() {
-            return Ok(Species::built_in());
-        }
-        if self.species.len() > 255 {
-            return Err(format!("there are {} species; codes end with 255", self.species.len()));
-        }
-        self.species
-            .iter()
-            .zip(1_u8..)
-            .map(|(definition, code)| Species::new(code, definition.clone()))
-            .collect()
+        species_setting::table(&self.species)
     }
 
     /// What is wrong with the values, naming the key, or `Ok`.
@@ -273,13 +285,26 @@ impl SceneFile {
             let species = self.species_table()?;
             for (value, class) in &cover.classes {
                 check_class(value, class)?;
-                if let Some(name) = &class.species {
-                    species_named(&species, name)
-                        .map_err(|error| format!("land_cover.classes.{value}.{error}"))?;
-                }
+                growth_of(&mut Growths::new(&species), &species, class)
+                    .map_err(|error| format!("land_cover.classes.{value}.{error}"))?;
             }
         }
-        self.species_table()?;
+        if let Some(bits) = self.land_cover_bits
+            && CodeBits::new(bits).is_none()
+        {
+            return Err(format!("land_cover_bits is {bits}; it must be 8, 16 or 32"));
+        }
+        let species = self.species_table()?;
+        if let Some(map) = &self.topographic_map {
+            if let Some(tolerance) = map.tolerance
+                && !(1.0..=255.0).contains(&tolerance)
+            {
+                return Err(format!("topographic_map.tolerance is {tolerance}; it must lie in 1 to 255"));
+            }
+            let class = ClassSetting { species: map.species.clone(), ..ClassSetting::default() };
+            growth_of(&mut Growths::new(&species), &species, &class)
+                .map_err(|error| format!("topographic_map.{error}"))?;
+        }
         if let Some(sun) = &self.sun {
             check_time(&sun.time)?;
         }
@@ -309,6 +334,23 @@ fn check_class(value: &str, class: &ClassSetting) -> Result<(), String> {
     {
         return Err(format!("land_cover.classes.{value}.height is {height}; it must lie in 0 to 63.75 m"));
     }
+    if let Some(share) = class.secondary_share
+        && !(0.0..=1.0).contains(&share)
+    {
+        return Err(format!(
+            "land_cover.classes.{value}.secondary_share is {share}; it is a share from 0 to 1"
+        ));
+    }
+    if class.secondary.is_none() && class.secondary_share.is_some() {
+        return Err(format!(
+            "land_cover.classes.{value} has a secondary_share but no secondary species; add secondary = \"larch\""
+        ));
+    }
+    if class.species.is_none() && class.secondary.is_some() {
+        return Err(format!(
+            "land_cover.classes.{value} has a secondary species but no species; add species = \"spruce\""
+        ));
+    }
     if class.species.is_none() && (class.closure.is_some() || class.height.is_some()) {
         return Err(format!(
             "land_cover.classes.{value} has a closure or height but no species; add species = \"spruce\""
@@ -320,23 +362,6 @@ fn check_class(value: &str, class: &ClassSetting) -> Result<(), String> {
         ));
     }
     Ok(())
-}
-
-/// Finds the species that a class names, by its whole name or one word of it ("spruce" for "Norway
-/// spruce"). The error names the near ones.
-pub fn species_named<'a>(table: &'a [Species], wanted: &str) -> Result<&'a Species, String> {
-    let named = |species: &&Species| species.definition.name.eq_ignore_ascii_case(wanted);
-    let has_word = |species: &&Species| {
-        species.definition.name.split_whitespace().any(|word| word.eq_ignore_ascii_case(wanted))
-    };
-    table.iter().find(named).or_else(|| table.iter().find(has_word)).ok_or_else(|| {
-        let names: Vec<&str> = table.iter().map(|species| species.definition.name.as_str()).collect();
-        format!(
-            "species is \"{wanted}\"{}; there are {}",
-            suggestion(wanted, names.iter().copied()),
-            names.join(", ")
-        )
-    })
 }
 
 /// Whether a text is a date and time as RFC 3339 has it, in UTC.
@@ -431,6 +456,18 @@ mod tests {
             ("[land_cover]\npath='a'\nclasses.1={species='a',height=100}", "height is 100"),
             ("[land_cover]\npath='a'\nclasses.1={closure=1}", "no species"),
             ("[land_cover]\npath='a'\nclasses.1={surface='lava'}", "lava"),
+            (
+                "[land_cover]\npath='a'\nclasses.1={species='larch',secondary_share=0.2}",
+                "no secondary species",
+            ),
+            (
+                "[land_cover]\npath='a'\nclasses.1={species='larch',secondary='spruce',secondary_share=2}",
+                "secondary_share is 2",
+            ),
+            ("[land_cover]\npath='a'\nclasses.1={secondary='spruce'}", "but no species"),
+            ("[topographic_map]\npath='a'\ntolerance=0", "topographic_map.tolerance is 0"),
+            ("[topographic_map]\npath='a'\nspecies='fur'", "topographic_map.species is \"fur\""),
+            ("land_cover_bits = 12", "land_cover_bits is 12"),
             ("[sun]\ntime='noon'", "sun.time is \"noon\""),
             ("[sun]\ntime='2026-07-15T09:00:00'", "write UTC"),
             ("[camera]\nlon=0\nlat=91\nheight=0\nheading_deg=0\npitch_deg=0", "camera.lat is 91"),

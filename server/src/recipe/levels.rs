@@ -30,12 +30,11 @@ pub fn land_cover_levels(scene: &Scene) -> Option<LandCoverLevels> {
     let cover = scene.cover.as_ref()?;
     let own = level_for_cell_metres(cover.extent().resolution_metres);
     let l1 = own.clamp(*LAND_COVER_LEVELS.start(), *LAND_COVER_LEVELS.end());
-    let largest = u8::try_from(scene.species.len()).unwrap_or(u8::MAX);
     Some(LandCoverLevels {
         l0: l1 + 1,
         l1,
         l2: l1 - 1,
-        bits: CodeBits::for_classes(largest) as u8,
+        bits: scene.code_bits as u8,
         anchor: anchor_level(scene),
     })
 }
@@ -50,7 +49,7 @@ pub fn tallest_tree_metres(scene: &Scene) -> f64 {
     if scene.cover.is_some() { f64::from(tallest_metres(&scene.species)) } else { 0.0 }
 }
 
-/// The species table for clients; empty where nothing grows.
+/// The species that may grow, for clients; empty where nothing does.
 pub fn scene_species(scene: &Scene) -> Vec<SceneSpecies> {
     if scene.cover.is_none() {
         return Vec::new();
@@ -58,6 +57,7 @@ pub fn scene_species(scene: &Scene) -> Vec<SceneSpecies> {
     scene
         .species
         .iter()
+        .filter(|species| scene.growing.contains(&species.code))
         .map(|species| SceneSpecies {
             code: species.code,
             name: species.definition.name.clone(),

@@ -6,6 +6,7 @@ use crate::source::{
 };
 use std::sync::Arc;
 use treeline_core::camera::GeographicCamera;
+use treeline_core::codec::land_cover::CodeBits;
 use treeline_core::geodesy;
 use treeline_core::layer::SurfaceType;
 use treeline_core::seeds::Species;
@@ -189,6 +190,8 @@ pub fn scene_of(bounds: FieldExtent) -> Scene {
         colour: Some(Arc::new(Stripes { extent: extent(0.5 * (west + east), south, east, north, 1.0) })),
         cover: Some(Arc::new(Woods { extent: extent(west, south, east, north, 15.0), closed: false })),
         species: Species::built_in(),
+        growing: vec![1, 2],
+        code_bits: CodeBits::default(),
         seed: 7,
         attribution: Vec::new(),
         sun_time: "2026-07-15T09:00:00Z".into(),

@@ -1,9 +1,9 @@
 //! What the values of well-known land-cover rasters mean, and how to tell which one a raster is.
 
 use super::Cover;
+use super::growth::Growth;
 use std::collections::BTreeMap;
 use treeline_core::layer::SurfaceType;
-use treeline_core::seeds::{CrownShape, Species};
 
 /// A table that a raster may follow.
 pub struct KnownTable {
@@ -21,6 +21,7 @@ enum Stand {
     None,
     Conifer,
     Broadleaf,
+    Mixed,
 }
 
 struct Row {
@@ -36,7 +37,7 @@ const fn row(first: i64, last: i64, stand: Stand, closure: u8, surface: SurfaceT
     Row { first, last, stand, closure, surface }
 }
 
-use Stand::{Broadleaf, Conifer, None as Bare};
+use Stand::{Broadleaf, Conifer, Mixed, None as Bare};
 use SurfaceType::{Grass, Plain, Rock, Snow, Water};
 
 /// The tables, the most telling first.
@@ -67,10 +68,11 @@ pub const KNOWN_TABLES: [KnownTable; 4] = [
             row(241, 243, Bare, 0, Plain),
             row(244, 244, Broadleaf, 30, Grass),
             row(311, 311, Broadleaf, 80, Plain),
-            row(312, 313, Conifer, 75, Plain),
+            row(312, 312, Conifer, 75, Plain),
+            row(313, 313, Mixed, 75, Plain),
             row(321, 321, Bare, 0, Grass),
             row(322, 323, Bare, 0, Plain),
-            row(324, 324, Broadleaf, 35, Plain),
+            row(324, 324, Mixed, 35, Plain),
             row(331, 332, Bare, 0, Rock),
             row(333, 334, Bare, 0, Plain),
             row(335, 335, Bare, 0, Snow),
@@ -83,7 +85,7 @@ pub const KNOWN_TABLES: [KnownTable; 4] = [
     KnownTable {
         name: "ESA WorldCover",
         rows: &[
-            row(10, 10, Conifer, 75, Plain),
+            row(10, 10, Mixed, 75, Plain),
             row(20, 20, Bare, 0, Plain),
             row(30, 30, Bare, 0, Grass),
             row(40, 40, Bare, 0, Plain),
@@ -106,7 +108,7 @@ pub const KNOWN_TABLES: [KnownTable; 4] = [
             row(31, 31, Bare, 0, Rock),
             row(41, 41, Broadleaf, 75, Plain),
             row(42, 42, Conifer, 75, Plain),
-            row(43, 43, Conifer, 75, Plain),
+            row(43, 43, Mixed, 75, Plain),
             row(51, 52, Bare, 0, Plain),
             row(71, 74, Bare, 0, Grass),
             row(81, 82, Bare, 0, Grass),
@@ -117,32 +119,19 @@ pub const KNOWN_TABLES: [KnownTable; 4] = [
     },
 ];
 
-/// The species that stand for conifers and broadleaves: the first with a crown that is no dome, and
-/// the first with a dome; either alone stands for both.
-pub fn conifer_and_broadleaf(species: &[Species]) -> (u8, u8) {
-    let dome = |species: &&Species| species.definition.crown == CrownShape::Dome;
-    let conifer = species.iter().find(|candidate| !dome(candidate)).map(|species| species.code);
-    let broadleaf = species.iter().find(dome).map(|species| species.code);
-    match (conifer, broadleaf) {
-        (Some(conifer), Some(broadleaf)) => (conifer, broadleaf),
-        (Some(only), None) | (None, Some(only)) => (only, only),
-        (None, None) => (0, 0),
-    }
-}
-
 impl KnownTable {
     fn holds(&self, value: i64) -> bool {
         self.rows.iter().any(|row| (row.first..=row.last).contains(&value))
     }
 
-    /// Cover by value, with a scene's species.
-    pub fn covers(&self, species: &[Species]) -> BTreeMap<i64, Cover> {
-        let (conifer, broadleaf) = conifer_and_broadleaf(species);
+    /// Cover by value, with a scene's growths.
+    pub fn covers(&self, growth: &Growth) -> BTreeMap<i64, Cover> {
         let cover = |row: &Row| {
             let code = match row.stand {
                 Bare => 0,
-                Conifer => conifer,
-                Broadleaf => broadleaf,
+                Conifer => growth.conifer,
+                Broadleaf => growth.broadleaf,
+                Mixed => growth.mixed,
             };
             let closure = if code == 0 { 0 } else { (u32::from(row.closure) * 255 / 100) as u8 };
             Cover { species: code, closure, height: 0, surface: row.surface as u8 }
@@ -185,11 +174,13 @@ mod tests {
     }
 
     #[test]
-    fn species_of_the_scene() {
-        let species = Species::built_in();
-        let covers = KNOWN_TABLES[2].covers(&species);
-        assert!(covers[&10].species > 0 && covers[&10].closure > 150);
+    fn growths_of_the_scene() {
+        let growth = Growth { conifer: 13, broadleaf: 14, mixed: 15 };
+        let covers = KNOWN_TABLES[2].covers(&growth);
+        assert_eq!(covers[&10].species, 15);
+        assert!(covers[&10].closure > 150);
         assert_eq!(covers[&80].surface(), Water);
-        assert_eq!(KNOWN_TABLES[2].covers(&[])[&10].closure, 0);
+        let nothing = Growth { conifer: 0, broadleaf: 0, mixed: 0 };
+        assert_eq!(KNOWN_TABLES[2].covers(&nothing)[&10].closure, 0);
     }
 }

@@ -3,13 +3,15 @@
 //! A recipe asks a field for values at the places of a [`SampleGrid`]; rasters in files and the
 //! built-in procedural landscape answer alike.
 
-pub mod classified_cover;
 pub mod coarse_lattice;
 pub mod crs;
 pub mod description;
 pub mod geotiff;
+pub mod growth;
 pub mod land_cover_tables;
 pub mod open;
+mod patches;
+pub mod picture;
 pub mod placement;
 pub mod procedural;
 pub mod projector;
@@ -160,7 +162,7 @@ pub trait ColourField: Send + Sync {
 /// What grows or lies at a place.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Cover {
-    /// Species code, 0 for none (no trees).
+    /// Species code, 0 for none (no trees). Below a [`growth::GrownCover`]: the code of a growth.
     pub species: u8,
     /// Share of the ground under crowns, 0…255.
     pub closure: u8,

@@ -1,10 +1,13 @@
 //! Opening sources by path: from files to fields, with everything a person may say about them.
 
-use super::classified_cover::{ClassifiedCover, MapTint, PhotoRule};
 use super::geotiff::Raster;
 use super::geotiff::image::{Rect, ValueRule};
 use super::geotiff::layout::{Layout, SampleKind, photometric};
-use super::land_cover_tables::{KNOWN_TABLES, conifer_and_broadleaf, recognise};
+use super::growth::Growth;
+use super::land_cover_tables::{KNOWN_TABLES, recognise};
+use super::picture::PictureCover;
+use super::picture::map::{MapJudge, MapKey};
+use super::picture::photo::PhotoJudge;
 use super::raster_colour::RasterColour;
 use super::raster_cover::{CanopyHeightCover, NearestRaster, RasterCover};
 use super::raster_height::{BELIEVABLE_METRES, RasterHeight};
@@ -12,7 +15,6 @@ use super::{ColourField, Cover, CoverField, HeightField, SourceError};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
-use treeline_core::seeds::Species;
 
 /// Canopies above this, metres, are taken for another unit.
 const TALLEST_TREE_METRES: f32 = 120.0;
@@ -94,8 +96,8 @@ pub fn open_colour(path: &Path, options: &SourceOptions) -> Result<Arc<RasterCol
     Ok(Arc::new(RasterColour::new(Arc::new(raster), options.nodata)?))
 }
 
-/// Opens a raster of land-cover classes. `classes` says what its values mean with the scene's
-/// species; where it is empty, a known table is recognised by the raster's values.
+/// Opens a raster of land-cover classes. `classes` says what its values mean in the scene's growths;
+/// where it is empty, a known table is recognised by the raster's values.
 ///
 /// # Errors
 /// As [`open_height`]; also where no table is given and none is recognised.
@@ -103,7 +105,7 @@ pub fn open_land_cover(
     path: &Path,
     options: &SourceOptions,
     classes: &BTreeMap<i64, Cover>,
-    species: &[Species],
+    growth: &Growth,
 ) -> Result<Arc<RasterCover>, SourceError> {
     let raster = Raster::open(path, options.assume_crs.as_deref())?;
     let layout = &raster.full().layout;
@@ -136,11 +138,11 @@ pub fn open_land_cover(
             "say what they mean under [land_cover.classes] in scene.toml",
         ));
     };
-    Ok(Arc::new(RasterCover::new(source, table.covers(species), table.name.to_owned())))
+    Ok(Arc::new(RasterCover::new(source, table.covers(growth), table.name.to_owned())))
 }
 
 /// Opens a raster of canopy heights; `scale` is metres in its unit (`None`: the file's own scale, in
-/// metres). The first species that is no dome grows there.
+/// metres). `growth` grows there where no other source says what does.
 ///
 /// # Errors
 /// As [`open_height`]; also where the heights are too great for metres and no scale is given.
@@ -148,7 +150,7 @@ pub fn open_canopy_height(
     path: &Path,
     options: &SourceOptions,
     scale: Option<f64>,
-    species: &[Species],
+    growth: u8,
 ) -> Result<Arc<CanopyHeightCover>, SourceError> {
     let raster = Raster::open(path, options.assume_crs.as_deref())?;
     if is_picture(&raster.full().layout) || raster.full().layout.palette.is_some() {
@@ -178,32 +180,30 @@ pub fn open_canopy_height(
             ));
         }
     }
-    let (conifer, _) = conifer_and_broadleaf(species);
-    Ok(Arc::new(CanopyHeightCover::new(source, conifer)))
+    Ok(Arc::new(CanopyHeightCover::new(source, growth)))
 }
 
-/// Opens a scanned or rendered topographic map: forest where it is tinted green.
+/// Opens a scanned or rendered topographic map: forest of a growth where it has the tint of the key.
 ///
 /// # Errors
 /// As [`open_height`].
 pub fn open_topographic_map(
     path: &Path,
     options: &SourceOptions,
-    species: &[Species],
+    key: &MapKey,
+    growth: u8,
 ) -> Result<Arc<dyn CoverField>, SourceError> {
     let map = open_colour(path, options)?;
-    let (conifer, _) = conifer_and_broadleaf(species);
-    Ok(Arc::new(ClassifiedCover::new(map, None, Box::new(MapTint { species: conifer }))))
+    Ok(Arc::new(PictureCover::new(map, None, Box::new(MapJudge::new(growth, key.clone())))))
 }
 
-/// Cover from a photo by one rule on each pixel.
+/// Cover from a photo and the terrain below it.
 pub fn photo_cover(
     colour: Arc<dyn ColourField>,
     height: Arc<dyn HeightField>,
-    species: &[Species],
+    growth: Growth,
 ) -> Arc<dyn CoverField> {
-    let (conifer, broadleaf) = conifer_and_broadleaf(species);
-    Arc::new(ClassifiedCover::new(colour, Some(height), Box::new(PhotoRule::new(conifer, broadleaf))))
+    Arc::new(PictureCover::new(colour, Some(height), Box::new(PhotoJudge::new(growth))))
 }
 
 /// Whether the samples are red, green and blue (or luma and chroma): no quantity that could be measured

@@ -119,6 +119,14 @@ impl RasterCover {
         &self.table_name
     }
 
+    /// The growths that its classes may have, ascending.
+    pub fn growths(&self) -> Vec<u8> {
+        let mut growths: Vec<u8> = self.table.values().map(|cover| cover.species).collect();
+        growths.sort_unstable();
+        growths.dedup();
+        growths
+    }
+
     fn of(&self, value: f32) -> Cover {
         if value.is_nan() {
             return Cover::default();
@@ -144,15 +152,15 @@ impl CoverField for RasterCover {
 /// Forest where a canopy-height raster says so, of the height that it says.
 pub struct CanopyHeightCover {
     heights: NearestRaster,
-    species: u8,
+    growth: u8,
     closure: u8,
 }
 
 impl CanopyHeightCover {
-    /// Canopy heights in metres; `species` grows there.
-    pub fn new(heights: NearestRaster, species: u8) -> Self {
+    /// Canopy heights in metres; `growth` grows there.
+    pub fn new(heights: NearestRaster, growth: u8) -> Self {
         let crowns = heights.placement.resolution_metres() <= CROWN_METRES;
-        Self { heights, species, closure: if crowns { 255 } else { USUAL_CLOSURE } }
+        Self { heights, growth, closure: if crowns { 255 } else { USUAL_CLOSURE } }
     }
 
     /// The raster behind it.
@@ -169,7 +177,7 @@ impl CanopyHeightCover {
             return Cover { species: 0, closure: 0, height: 0, surface: ground.surface };
         }
         Cover {
-            species: if ground.species > 0 { ground.species } else { self.species },
+            species: if ground.species > 0 { ground.species } else { self.growth },
             closure: if ground.closure > 0 { ground.closure } else { self.closure },
             height: (metres * 4.0).round().clamp(1.0, 255.0) as u8,
             surface: ground.surface,

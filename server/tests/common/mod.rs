@@ -9,6 +9,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering::SeqCst};
 use tower::ServiceExt as _;
 use treeline_core::camera::GeographicCamera;
+use treeline_core::codec::land_cover::CodeBits;
 use treeline_core::geodesy::geographic_from_web_mercator;
 use treeline_core::seeds::Species;
 use treeline_core::tile::GeographicBox;
@@ -156,6 +157,8 @@ pub fn app_with(kind: Kind, config: &Config) -> (AppState, Arc<Plane>) {
         colour: kind.full.then(|| plane.clone() as Arc<dyn ColourField>),
         cover: kind.full.then(|| plane.clone() as Arc<dyn CoverField>),
         species: Species::built_in(),
+        growing: vec![1, 2],
+        code_bits: CodeBits::default(),
         seed: 1,
         attribution: vec!["© Nobody".to_owned()],
         sun_time: "2026-07-15T09:00:00Z".to_owned(),

@@ -12,6 +12,8 @@ use treeline_core::layer::SurfaceType;
 const SPRUCE: u8 = 1;
 /// Species code of beech in the built-in table.
 const BEECH: u8 = 2;
+/// Codes of the species that grow on the massif.
+pub const SPECIES: [u8; 2] = [SPRUCE, BEECH];
 /// Least share of crowns that counts as trees.
 const LEAST_CLOSURE: f32 = 0.07;
 

@@ -33,7 +33,7 @@ mod river;
 mod settle;
 
 pub use colour::ProceduralColour;
-pub use cover::ProceduralCover;
+pub use cover::{ProceduralCover, SPECIES};
 pub use defaults::{SceneDefaults, scene_defaults};
 pub use height::ProceduralHeight;
 

@@ -1,6 +1,7 @@
 //! Every odd file that we have is opened, or refused with a mend.
 
 use super::data;
+use crate::source::growth::Growths;
 use crate::source::raster_cover::LayeredCover;
 use crate::source::{
     ColourField, Cover, CoverField, HeightField, HeightOptions, RequestCrs, SampleGrid, SourceOptions,
@@ -239,14 +240,16 @@ fn alpha_mask_and_mask_beside_hide_what_they_should() {
 #[test]
 fn land_cover_is_recognised() {
     let Some(path) = data::find("scene_lolo_montana/fuel_fbfm40.tif") else { return };
-    let species = Species::built_in();
-    let cover = open_land_cover(&path, &SourceOptions::default(), &BTreeMap::new(), &species).unwrap();
+    let growth = Growths::new(&Species::built_in()).rules();
+    let cover = open_land_cover(&path, &SourceOptions::default(), &BTreeMap::new(), &growth).unwrap();
     assert_eq!(cover.table_name(), "LANDFIRE FBFM40");
     let canopy = data::find("scene_lolo_montana/canopy_height_dm.tif").unwrap();
-    let error =
-        open_canopy_height(&canopy, &SourceOptions::default(), None, &species).err().unwrap().to_string();
+    let error = open_canopy_height(&canopy, &SourceOptions::default(), None, growth.conifer)
+        .err()
+        .unwrap()
+        .to_string();
     assert!(error.contains("scale = 0.1"), "{error}");
-    let canopy = open_canopy_height(&canopy, &SourceOptions::default(), Some(0.1), &species).unwrap();
+    let canopy = open_canopy_height(&canopy, &SourceOptions::default(), Some(0.1), growth.conifer).unwrap();
     let layered = LayeredCover::new(cover, canopy);
     let grid = overview_grid(layered.extent());
     let mut covers = vec![Cover::default(); grid.len()];

@@ -1,5 +1,6 @@
 //! Exactness on GeoTIFFs written here, of which every value is known.
 
+use crate::source::growth::Growth;
 use crate::source::{
     ColourField, Cover, CoverField, HeightField, HeightOptions, RequestCrs, SampleGrid, SourceOptions,
     open_canopy_height, open_colour, open_height, open_land_cover,
@@ -11,6 +12,9 @@ use tiff::encoder::{Compression, TiffEncoder, TiffValue};
 use tiff::tags::Tag;
 use treeline_core::grid::{LatticeWindow, Registration};
 use treeline_core::tile::{GeographicBox, TileAddress};
+
+/// Growths of a scene without species.
+const NOTHING: Growth = Growth { conifer: 0, broadleaf: 0, mixed: 0 };
 
 /// Where a raster lies and what it declares.
 struct Placed<'a> {
@@ -398,8 +402,8 @@ fn a_picture_is_taken_for_nothing_that_is_measured() {
     let options = SourceOptions::default();
     let errors = [
         open_height(&path, &HeightOptions::default()).err().unwrap(),
-        open_land_cover(&path, &options, &BTreeMap::new(), &[]).err().unwrap(),
-        open_canopy_height(&path, &options, Some(0.1), &[]).err().unwrap(),
+        open_land_cover(&path, &options, &BTreeMap::new(), &NOTHING).err().unwrap(),
+        open_canopy_height(&path, &options, Some(0.1), 0).err().unwrap(),
     ];
     for (error, word) in errors.iter().zip(["terrain model", "no classes", "no heights of a canopy"]) {
         assert!(error.to_string().contains(word), "{error}");
@@ -417,7 +421,7 @@ fn classes_are_never_blended() {
     let forest = Cover { species: 1, closure: 200, height: 0, surface: 0 };
     let rock = Cover { surface: 3, ..Cover::default() };
     let table = BTreeMap::from([(10, forest), (200, rock)]);
-    let field = open_land_cover(&path, &SourceOptions::default(), &table, &[]).unwrap();
+    let field = open_land_cover(&path, &SourceOptions::default(), &table, &NOTHING).unwrap();
     let window = LatticeWindow::of_tile(TileAddress::at(11, 8.05, 45.95), Registration::Cell, 0);
     let mut covers = vec![Cover::default(); window.len()];
     field.sample(&SampleGrid::Lattice(window), &mut covers).unwrap();
@@ -432,8 +436,10 @@ fn classes_are_never_blended() {
         };
         assert_eq!(*cover, expected, "{longitude} {latitude}");
     }
-    let unknown =
-        open_land_cover(&path, &SourceOptions::default(), &BTreeMap::new(), &[]).err().unwrap().to_string();
+    let unknown = open_land_cover(&path, &SourceOptions::default(), &BTreeMap::new(), &NOTHING)
+        .err()
+        .unwrap()
+        .to_string();
     assert!(unknown.contains("classes.tif") && unknown.contains("land_cover.classes"), "{unknown}");
 }
 
