@@ -49,11 +49,11 @@ pub fn plant(form: &GrowthForm, envelope: &Envelope, pictures: &Pictures, random
     builder.quads
 }
 
-/// A stem as a prism without ends; a twig as one ribbon on edge.
+/// A stem as a prism without ends; one that foliage hides as a ribbon on edge.
 fn wood(stem: &Stem, envelope: &Envelope, pictures: &Pictures, quads: &mut Vec<Quad>) {
-    let sides = match stem.order {
-        0 => 6,
-        1 => 3,
+    let sides = match (stem.order, stem.bears) {
+        (0, _) => 6,
+        (1, false) => 3,
         _ => 1,
     };
     let ring = |index: usize| -> Vec<(Vec3, Vec3)> {

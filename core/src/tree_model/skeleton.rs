@@ -113,7 +113,7 @@ fn limbs(form: &GrowthForm, envelope: &Envelope, trunk: &Stem, random: &mut Rand
         let whorl = limbs.whorl.max(1);
         let groups = limbs.count.div_ceil(whorl);
         let group = index / whorl;
-        let within = if whorl > 1 { random.around(0.25) } else { random.around(0.4) };
+        let within = if whorl > 1 { random.around(0.4) } else { random.around(0.45) };
         let along = ((group as f32 + 0.5 + within) / groups as f32).clamp(0.0, 1.0);
         turn +=
             if whorl > 1 { 360.0 / whorl as f32 + random.around(18.0) } else { TURN + random.around(20.0) };
@@ -142,7 +142,7 @@ fn limbs(form: &GrowthForm, envelope: &Envelope, trunk: &Stem, random: &mut Rand
             continue;
         }
         let from = Vec3::new(start.x, start.y, start.z.max(envelope.bottom));
-        let radius = (parent_radius * 0.62).min(0.085 * length + 0.001);
+        let radius = (parent_radius * 0.62).min(0.055 * length + 0.001);
         grown.push(stem(from, &shape, length, radius, 1, form.twigs.is_none()));
     }
     grown

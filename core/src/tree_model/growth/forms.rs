@@ -16,7 +16,7 @@ pub const SPRUCE: GrowthForm = GrowthForm {
     trunk_bend: 0.4,
     hanging: 0.06,
     limbs: Branches {
-        count: 132,
+        count: 170,
         whorl: 5,
         range: [0.0, 0.965],
         down: [104.0, 48.0],
@@ -30,7 +30,7 @@ pub const SPRUCE: GrowthForm = GrowthForm {
     crowding: 1.45,
     twigs: None,
     attraction: 0.0,
-    foliage: Foliage::Sheets { width: 0.62, fold: 24.0, curtain: 0.30 },
+    foliage: Foliage::Sheets { width: 0.7, fold: 28.0, curtain: 0.42 },
     twig: Twig::Spray { density: 1.5 },
     colour: [0.32, 0.42, 0.26],
     bark: BROWN,
@@ -39,7 +39,7 @@ pub const SPRUCE: GrowthForm = GrowthForm {
 /// Flat branches that stand out.
 pub const FIR: GrowthForm = GrowthForm {
     limbs: Branches { down: [96.0, 60.0], curve: [-4.0, 8.0], whorl: 6, ..SPRUCE.limbs },
-    foliage: Foliage::Sheets { width: 0.72, fold: 10.0, curtain: 0.2 },
+    foliage: Foliage::Sheets { width: 0.78, fold: 14.0, curtain: 0.3 },
     colour: [0.27, 0.38, 0.27],
     bark: GREY,
     ..SPRUCE
@@ -48,7 +48,7 @@ pub const FIR: GrowthForm = GrowthForm {
 /// Light and irregular.
 pub const LARCH: GrowthForm = GrowthForm {
     limbs: Branches {
-        count: 100,
+        count: 130,
         whorl: 1,
         down: [98.0, 52.0],
         down_variation: 14.0,
@@ -57,7 +57,7 @@ pub const LARCH: GrowthForm = GrowthForm {
         least_reach: 0.68,
         ..SPRUCE.limbs
     },
-    foliage: Foliage::Sheets { width: 0.55, fold: 30.0, curtain: 0.26 },
+    foliage: Foliage::Sheets { width: 0.6, fold: 30.0, curtain: 0.34 },
     twig: Twig::Spray { density: 0.85 },
     colour: [0.47, 0.55, 0.29],
     bark: RED,
