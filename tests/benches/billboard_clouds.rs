@@ -6,6 +6,7 @@ use image::RgbImage;
 use image::imageops::{FilterType, replace, resize};
 use std::path::Path;
 use std::time::Instant;
+use treeline_core::seeds::species::HEIGHT_UNITS;
 use treeline_core::tree_model::TreeSpecies;
 use treeline_tests::data::workspace;
 use treeline_tests::tree_pictures::{View, picture, similarity, six_species};
@@ -29,7 +30,7 @@ fn main() -> anyhow::Result<()> {
     std::fs::create_dir_all(&folder)?;
     for species in six_species() {
         let name = species.definition.name.as_str();
-        let metres = species.definition.highest_metres;
+        let metres = f64::from(species.mean_height()) / f64::from(HEIGHT_UNITS);
         let start = Instant::now();
         let model = TreeSpecies::grow(&species);
         say(name, "time", start.elapsed().as_secs_f64() * 1e3, "ms");
