@@ -8,10 +8,10 @@ use treeline_server::opening;
 use treeline_server::scene_file::{DemSource, PhotoSource, SceneFile};
 use treeline_server::source::Cover;
 
-/// Least share of places told right, and least F1 of forest: what one rule on each pixel reaches. A classifier is to
-/// reach 0.90 and 0.92.
-const ACCURACY: f64 = 0.66;
-const FOREST_F1: f64 = 0.72;
+/// Least share of places told right, and least F1 of forest, in a window at the tree line, where forest is thinnest; the
+/// whole eastern half reaches 0.90 and 0.93.
+const ACCURACY: f64 = 0.885;
+const FOREST_F1: f64 = 0.845;
 
 #[test]
 fn the_photograph_of_the_built_in_landscape() {

@@ -310,7 +310,8 @@ impl<'a> Sites<'a> {
         let hollow = ((west + east + north + south) / 4.0 - middle) * bend * bend;
         // A NaN becomes 0: unknown ground is level and at the sea.
         Site {
-            altitude: altitude_at_47_degrees(middle, latitude) as i32,
+            // No belt lies below the sea: in the tropics the lowest has the hills as well.
+            altitude: altitude_at_47_degrees(middle, latitude).max(0.0) as i32,
             slope: (slope * 256.0) as i32,
             moisture: ((0.5 + 0.5 * hollow / HOLLOW_METRES - 0.4 * slope) * 255.0).clamp(0.0, 255.0) as i32,
         }

@@ -20,6 +20,8 @@ const FLOOR: f32 = 8.0;
 /// Forest before all else, in ln of odds: thin forest looks half like the grass below it (found on the western half
 /// of the built-in landscape).
 const FOREST_ODDS: f32 = 0.35;
+/// Height at 47° above which forest grows less likely, metres.
+const TREE_LINE_METRES: f32 = 2150.0;
 /// What slope and height, and texture, count beside colour.
 const GROUND_WEIGHT: f32 = 0.7;
 const TEXTURE_WEIGHT: f32 = 0.3;
@@ -57,7 +59,7 @@ impl PhotoJudge {
     }
 }
 
-/// What slope and height say of each kind, ln: water is flat, cliffs are bare, snow lies high.
+/// What slope and height say of each kind, ln: water is flat, cliffs are bare, forest ends and snow lies high.
 pub fn ground_scores(patch: &Patch, index: usize, slope: f32) -> [f32; KINDS] {
     let height = patch.heights[index];
     let mut scores = [0.0; KINDS];
@@ -66,6 +68,7 @@ pub fn ground_scores(patch: &Patch, index: usize, slope: f32) -> [f32; KINDS] {
     scores[Kind::Bare as usize] = (2.0 * (slope - 0.7)).clamp(0.0, 1.5);
     if !height.is_nan() {
         let altitude = patch.altitude(index / patch.width(), height);
+        scores[Kind::Forest as usize] -= ((altitude - TREE_LINE_METRES) / 100.0).clamp(0.0, 5.0);
         scores[Kind::Snow as usize] = -((1600.0 - altitude) / 150.0).clamp(0.0, 8.0);
         let flat = slope / 0.08;
         scores[Kind::Water as usize] = -(0.5 * flat * flat).min(14.0);
