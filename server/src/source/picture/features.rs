@@ -3,6 +3,7 @@
 use super::Patch;
 use super::number::ln;
 use super::statistics::NOISE;
+use crate::source::wide::wide;
 
 /// Light on slopes of less than this, of level ground's, is not believed.
 const LEAST_LIGHT: f32 = 0.3;
@@ -54,26 +55,84 @@ impl Features {
             texture: vec![0.0; count],
             slope: vec![0.0; count],
         };
-        let mut brightness = vec![0.0; count];
         let width = patch.width();
-        for row in 0..patch.height() {
-            for column in 0..width {
-                let index = row * width + column;
-                let (east, north) = rise(patch, column, row);
-                out.slope[index] = (east * east + north * north).sqrt();
-                let [r, g, b] = clear(patch.colours[index], &light.haze);
-                let mean = (r + g + b) / 3.0;
-                brightness[index] = ln(mean + NOISE);
-                out.green[index] = ln(g / r);
-                out.blue[index] = ln(b / g);
-                out.bright[index] = ln(mean / on_slope(&light.sun, east, north));
-                let square = |channel: f32| NOISE * NOISE / (channel * channel);
-                out.green_noise[index] = square(r) + square(g);
-                out.blue_noise[index] = square(b) + square(g);
-            }
+        let mut brightness = vec![0.0; count];
+        let mut row = Row::new(width);
+        for line in 0..patch.height() {
+            row.fill(patch, line, &light.haze);
+            let cells = line * width..(line + 1) * width;
+            let mut target = Target {
+                green: &mut out.green[cells.clone()],
+                blue: &mut out.blue[cells.clone()],
+                bright: &mut out.bright[cells.clone()],
+                green_noise: &mut out.green_noise[cells.clone()],
+                blue_noise: &mut out.blue_noise[cells.clone()],
+                slope: &mut out.slope[cells.clone()],
+                brightness: &mut brightness[cells],
+            };
+            wide!(measure(row: &Row = &row, sun: &[f32; 3] = &light.sun, out: &mut Target<'_> = &mut target));
         }
         roughness(&brightness, width, &mut out.texture);
         out
+    }
+}
+
+/// A row of cells: channels without haze, and the rise of the ground.
+struct Row {
+    red: Vec<f32>,
+    green: Vec<f32>,
+    blue: Vec<f32>,
+    east: Vec<f32>,
+    north: Vec<f32>,
+}
+
+impl Row {
+    fn new(width: usize) -> Self {
+        let empty = || vec![0.0; width];
+        Self { red: empty(), green: empty(), blue: empty(), east: empty(), north: empty() }
+    }
+
+    fn fill(&mut self, patch: &Patch, row: usize, haze: &[f32; 3]) {
+        let width = patch.width();
+        for column in 0..width {
+            (self.east[column], self.north[column]) = rise(patch, column, row);
+            let [red, green, blue] = clear(patch.colours[row * width + column], haze);
+            (self.red[column], self.green[column], self.blue[column]) = (red, green, blue);
+        }
+    }
+}
+
+/// Where a row's measurements go, named as in [`Features`].
+struct Target<'a> {
+    green: &'a mut [f32],
+    blue: &'a mut [f32],
+    bright: &'a mut [f32],
+    green_noise: &'a mut [f32],
+    blue_noise: &'a mut [f32],
+    slope: &'a mut [f32],
+    brightness: &'a mut [f32],
+}
+
+/// Measures a row.
+#[inline(always)]
+fn measure(row: &Row, sun: &[f32; 3], out: &mut Target<'_>) {
+    let count = out.green.len();
+    let (red, green, blue) = (&row.red[..count], &row.green[..count], &row.blue[..count]);
+    let (east, north) = (&row.east[..count], &row.north[..count]);
+    let (ratio, other) = (&mut out.green[..count], &mut out.blue[..count]);
+    let (noise, other_noise) = (&mut out.green_noise[..count], &mut out.blue_noise[..count]);
+    let (bright, slope) = (&mut out.bright[..count], &mut out.slope[..count]);
+    let brightness = &mut out.brightness[..count];
+    for k in 0..count {
+        let mean = (red[k] + green[k] + blue[k]) / 3.0;
+        slope[k] = (east[k] * east[k] + north[k] * north[k]).sqrt();
+        brightness[k] = ln(mean + NOISE);
+        ratio[k] = ln(green[k] / red[k]);
+        other[k] = ln(blue[k] / green[k]);
+        bright[k] = ln(mean / on_slope(sun, east[k], north[k]));
+        let of_green = NOISE * NOISE / (green[k] * green[k]);
+        noise[k] = NOISE * NOISE / (red[k] * red[k]) + of_green;
+        other_noise[k] = NOISE * NOISE / (blue[k] * blue[k]) + of_green;
     }
 }
 
@@ -83,6 +142,7 @@ pub fn clear(colour: [u8; 4], haze: &[f32; 3]) -> [f32; 3] {
 }
 
 /// Light on a slope that rises so much eastward and northward, 1 on level ground.
+#[inline(always)]
 fn on_slope(sun: &[f32; 3], east: f32, north: f32) -> f32 {
     let facing = (sun[2] - east * sun[0] - north * sun[1]) / (1.0 + east * east + north * north).sqrt();
     (facing / sun[2]).clamp(LEAST_LIGHT, MOST_LIGHT)
@@ -116,13 +176,18 @@ pub fn box_mean(values: &[f32], width: usize, reach: usize) -> Vec<f32> {
     let height = values.len() / width.max(1);
     let share = 1.0 / (2 * reach + 1) as f32;
     let mut rows = vec![0.0; values.len()];
+    let mut padded = vec![0.0; width + 2 * reach];
     for (line, out) in values.chunks_exact(width).zip(rows.chunks_exact_mut(width)) {
-        for (column, out) in out.iter_mut().enumerate() {
-            let mut sum = 0.0;
-            for step in 0..=2 * reach {
-                sum += line[(column + step).saturating_sub(reach).min(width - 1)];
+        padded[..reach].fill(line[0]);
+        padded[reach..reach + width].copy_from_slice(line);
+        padded[reach + width..].fill(line[width - 1]);
+        for step in 0..=2 * reach {
+            for (out, value) in out.iter_mut().zip(&padded[step..step + width]) {
+                *out += value;
             }
-            *out = sum * share;
+        }
+        for out in out {
+            *out *= share;
         }
     }
     let mut out = vec![0.0; values.len()];

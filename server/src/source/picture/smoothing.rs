@@ -64,30 +64,43 @@ fn hear(beliefs: &[f32], width: usize, heard: &mut [f32]) {
 fn believe(scores: &[Vec<f32>; KINDS], heard: &[Vec<f32>; KINDS], beliefs: &mut [Vec<f32>; KINDS]) {
     const LANES: usize = 8;
     let count = scores[0].len();
-    for first in (0..count).step_by(LANES) {
-        let lanes = LANES.min(count - first);
-        let mut sums = [[-1.0e30_f32; LANES]; KINDS];
-        let mut most = [-1.0e30_f32; LANES];
-        for kind in 0..KINDS {
-            let (score, heard) = (&scores[kind][first..first + lanes], &heard[kind][first..first + lanes]);
-            for lane in 0..lanes {
-                sums[kind][lane] = score[lane] + COUPLING * heard[lane];
-            }
-            for lane in 0..LANES {
-                most[lane] = most[lane].max(sums[kind][lane]);
-            }
+    let whole = count / LANES * LANES;
+    for first in (0..whole).step_by(LANES) {
+        believe_at::<LANES>(scores, heard, beliefs, first);
+    }
+    for first in whole..count {
+        believe_at::<1>(scores, heard, beliefs, first);
+    }
+}
+
+/// The same for N cells from the first.
+#[inline(always)]
+fn believe_at<const N: usize>(
+    scores: &[Vec<f32>; KINDS],
+    heard: &[Vec<f32>; KINDS],
+    beliefs: &mut [Vec<f32>; KINDS],
+    first: usize,
+) {
+    let mut sums = [[0.0_f32; N]; KINDS];
+    let mut most = [-1.0e30_f32; N];
+    for (sums, (score, heard)) in sums.iter_mut().zip(scores.iter().zip(heard)) {
+        let (score, heard) = (&score[first..first + N], &heard[first..first + N]);
+        for lane in 0..N {
+            sums[lane] = score[lane] + COUPLING * heard[lane];
+            most[lane] = most[lane].max(sums[lane]);
         }
-        let mut total = [0.0_f32; LANES];
-        for sums in &mut sums {
-            for lane in 0..LANES {
-                sums[lane] = exp((sums[lane] - most[lane]).max(-30.0));
-                total[lane] += sums[lane];
-            }
+    }
+    let mut total = [0.0_f32; N];
+    for sums in &mut sums {
+        for lane in 0..N {
+            sums[lane] = exp((sums[lane] - most[lane]).max(-30.0));
+            total[lane] += sums[lane];
         }
-        for kind in 0..KINDS {
-            for lane in 0..lanes {
-                beliefs[kind][first + lane] = sums[kind][lane] / total[lane];
-            }
+    }
+    for (beliefs, sums) in beliefs.iter_mut().zip(&sums) {
+        let beliefs = &mut beliefs[first..first + N];
+        for lane in 0..N {
+            beliefs[lane] = sums[lane] / total[lane];
         }
     }
 }
