@@ -259,6 +259,7 @@ async fn models_of_a_species_are_grown_once() {
     assert!(packed.body.len() < first.body.len() / 2, "{} of {}", packed.body.len(), first.body.len());
     for (uri, named) in [
         ("/trees/0", "this scene's species are 1 (Norway spruce), 2 (European beech)"),
+        ("/trees/3", "no trees \"3\""),
         ("/trees/256", "no trees \"256\""),
         ("/trees/spruce", "no trees \"spruce\""),
     ] {

@@ -4,6 +4,7 @@ use crate::cache::{Maker, TileKey};
 use crate::http::answer::{self, refusal, status_of};
 use crate::http::query::Parameters;
 use crate::metrics::Product;
+use crate::scene::Scene;
 use crate::state::AppState;
 use axum::extract::{Path, RawQuery, State};
 use axum::http::{HeaderMap, StatusCode};
@@ -23,10 +24,10 @@ pub async fn trees(
         Ok(parameters) => parameters,
         Err(line) => return refusal(StatusCode::BAD_REQUEST, line),
     };
-    // Nothing grows where there is no cover.
-    let grown = if app.scene.cover.is_some() { &app.scene.species[..] } else { &[] };
-    let Some(species) = find(grown, &code) else {
-        return refusal(StatusCode::NOT_FOUND, unknown(grown, &code));
+    let grown = growing(&app.scene);
+    let asked = code.parse().ok().and_then(|code: u8| grown.iter().find(|species| species.code == code));
+    let Some(&species) = asked else {
+        return refusal(StatusCode::NOT_FOUND, unknown(&grown, &code));
     };
     let key = TileKey { product: Product::Trees, text: format!("trees|{}", species.code).into() };
     let species = species.clone();
@@ -36,13 +37,14 @@ pub async fn trees(
         .unwrap_or_else(|error| refusal(status_of(&error), error.to_string()))
 }
 
-fn find<'a>(species: &'a [Species], code: &str) -> Option<&'a Species> {
-    let code: u8 = code.parse().ok()?;
-    species.iter().find(|species| species.code == code)
+/// The species that the scene's cover may have: nothing grows where there is none.
+fn growing(scene: &Scene) -> Vec<&Species> {
+    let grows = |species: &&Species| scene.cover.is_some() && scene.growing.contains(&species.code);
+    scene.species.iter().filter(grows).collect()
 }
 
 /// Says which codes there are.
-fn unknown(species: &[Species], code: &str) -> String {
+fn unknown(species: &[&Species], code: &str) -> String {
     if species.is_empty() {
         return format!("no trees \"{code}\": nothing grows in this scene");
     }

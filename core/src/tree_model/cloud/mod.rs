@@ -71,16 +71,21 @@ pub fn cover(model: &[Quad], budget: Budget) -> Cover {
     cover
 }
 
-/// Covers with no more planes of foliage than this show the trunk alone of the wood,
+/// Covers with no more planes of foliage than this show all foliage on each, and the trunk alone of the wood,
 const FEW: usize = 2;
 /// which stands within this share of the model's radius.
 const TRUNK: f32 = 0.15;
 
 impl Cover {
+    /// Whether each of its planes of foliage shows all of it.
+    pub fn shows_all(&self) -> bool {
+        self.foliage.len() <= FEW
+    }
+
     /// Whether its planes of wood show wood at a place: where there are few planes, twigs are thinner
     /// than texels, and only the trunk is drawn.
     pub fn shows_wood(&self, place: Vec3) -> bool {
-        self.foliage.len() > FEW || place.truncate().length() <= TRUNK * self.radius
+        !self.shows_all() || place.truncate().length() <= TRUNK * self.radius
     }
 
     /// The greatest distance of any corner of a model to the nearest plane that shows it.
@@ -111,6 +116,10 @@ fn planes(quads: &[Quad], count: usize) -> Vec<Plane> {
     let covering = count - caps;
     let rules = Rules::for_planes(covering);
     let standing = pinwheel(quads, low, high, covering);
+    if covering <= FEW {
+        // They cross in the middle, and each shows the whole tree.
+        return standing;
+    }
     let farthest = places().map(|place| nearest(&standing, place)).fold(0.0, f32::max);
     // Pieces are half as large as the slab that must hold them.
     let pieces = Pieces::new(quads, 0.5 * farthest.max(LEAST), 0.01 * farthest.max(LEAST));

@@ -76,6 +76,7 @@ impl Layout {
             let is_inside = plane.distance(middle) < INSIDE * cover.radius;
             let reach = |index: usize| match (has_leaves, is_wood(index)) {
                 (true, true) => cover.epsilon,
+                _ if cover.shows_all() => f32::INFINITY,
                 (false, _) if is_inside => f32::INFINITY,
                 _ => nearest[index].max(cover.epsilon),
             };
