@@ -3,157 +3,54 @@
 //! A host calls [`Engine::step`] with the time and the view, fetches what the report asks for, and
 //! hands the answers to [`Engine::deliver`] whenever they come.
 
-use crate::frame::{FrameRenderer, FrameTarget};
+mod exchange;
+mod trees;
+
+pub use exchange::{
+    DEFAULT_SHADOW_STEPS, DEFAULT_TREE_METRES, EngineError, EngineOptions, FrameReport, Payload, PhotoPixels,
+    Resource, TileRequest, ViewRequest,
+};
+
+use crate::frame::{FrameRenderer, FrameTarget, FrameTrees};
 use crate::gpu::GpuContext;
 use crate::gpu::targets::Targets;
 use crate::gpu::tile_arrays::TileArrays;
-use crate::passes::compress_photo::{PhotoCompression, PhotoFormat};
+use crate::passes::compress_photo::PhotoFormat;
 use crate::stats::{RequestStats, Stats};
-use crate::stream::decode::{self, ElevationPixels, TEXTURE_SIDE};
+use crate::stream::Stream;
+use crate::stream::decode::{self, ElevationPixels, LandCoverPixels, TEXTURE_SIDE};
 use crate::stream::ground_tiles::GroundTile;
 use crate::stream::load_map::{Analysis, Reading};
 use crate::stream::memory::MemoryStats;
+use crate::stream::models::Models;
 use crate::stream::page_table::Tables;
 use crate::stream::requests::{Failure, FetchFailure, RequestId, TileKey};
 use crate::stream::tile_choice::TileChoice;
+use crate::stream::tree_field::SeedFrameCells;
 use crate::stream::view::ViewGeometry;
-use crate::stream::{Stream, StreamError, StreamOptions};
 use crate::survey::{Survey, SurveyStats, Ticket};
 use crate::twin_world;
 use std::collections::{BTreeMap, HashMap};
-use treeline_core::camera::GeographicCamera;
 use treeline_core::geodesy::{self, Geodetic};
 use treeline_core::layer::Layer;
 use treeline_core::query::get_map_query;
 use treeline_core::scene::{SceneDescription, SceneSpecies};
-use treeline_core::sun::{SunPosition, TimeError, unix_seconds_from_rfc3339};
+use treeline_core::sun::{SunPosition, unix_seconds_from_rfc3339};
 use treeline_core::tile::TileAddress;
 use treeline_shaders::layout::View;
-
-/// Shadow steps where the host says nothing (the design's example: a reach of 3.5 km).
-pub const DEFAULT_SHADOW_STEPS: u32 = 30;
-
-/// What the engine is made with.
-#[derive(Clone, Debug, PartialEq)]
-pub struct EngineOptions {
-    /// Streaming.
-    pub stream: StreamOptions,
-    /// Whether photo tiles are compressed on the GPU.
-    pub photo_compression: PhotoCompression,
-    /// Tiles uploaded in one step at most: more would make a frame late.
-    pub uploads_per_step: usize,
-    /// Count texel fetches per ray.
-    pub count_fetches: bool,
-}
-
-impl Default for EngineOptions {
-    fn default() -> Self {
-        Self {
-            stream: StreamOptions::default(),
-            photo_compression: PhotoCompression::default(),
-            uploads_per_step: 6,
-            count_fetches: false,
-        }
-    }
-}
-
-/// Who looks, at what size, under which sun.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ViewRequest {
-    /// The camera; [`GeographicCamera::check`] holds.
-    pub camera: GeographicCamera,
-    /// Picture, pixels.
-    pub width: u32,
-    /// Picture, pixels.
-    pub height: u32,
-    /// Seconds since 1970-01-01T00:00Z for the sun's place; the scene's own time where `None`.
-    pub sun_unix_seconds: Option<f64>,
-    /// Steps of the shadow march; 0 for no shadows.
-    pub shadow_steps: u32,
-}
-
-/// What the host fetched.
-#[derive(Clone, Debug)]
-pub enum Payload {
-    /// An elevation tile's bytes, Content-Encoding undone.
-    Bytes(Vec<u8>),
-    /// A decoded photo.
-    Photo {
-        /// Columns.
-        width: u32,
-        /// Rows.
-        height: u32,
-        /// The picture.
-        pixels: PhotoPixels,
-    },
-}
-
-/// A decoded photo tile, in the form the host has it.
-#[derive(Clone, Debug)]
-pub enum PhotoPixels {
-    /// sRGB with straight alpha, row-major from the north-west.
-    Rgba(Vec<u8>),
-    /// The browser's, decoded off the main thread.
-    #[cfg(target_arch = "wasm32")]
-    Bitmap(crate::web::ImageBitmap),
-}
-
-/// A tile to fetch.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct TileRequest {
-    /// Names the request.
-    pub id: RequestId,
-    /// The tile, which says how to decode the answer.
-    pub key: TileKey,
-    /// Where it is: the scene's WMS endpoint with a GetMap query.
-    pub url: String,
-}
-
-/// What a step did and asks for.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct FrameReport {
-    /// Whether a frame was drawn into the target.
-    pub drawn: bool,
-    /// Whether everything the view wants is resident, drawn and faded in.
-    pub settled: bool,
-    /// To fetch.
-    pub requests: Vec<TileRequest>,
-    /// To abort.
-    pub cancelled: Vec<RequestId>,
-    /// Tiles that the view wants, and how many of them are here.
-    pub progress: (usize, usize),
-    /// Whether every tile that the view wants is here and uploaded.
-    pub complete: bool,
-    /// Whether the coarsest tiles are here, so that there is a landscape at all.
-    pub ready: bool,
-    /// Whether something still fades in: step again with the next frame.
-    pub fading: bool,
-    /// Where a tile failed: when it will be asked for again, in the host's seconds.
-    pub retry_at: Option<f64>,
-}
-
-/// Why an engine cannot be made.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum EngineError {
-    /// The scene cannot be streamed.
-    #[error(transparent)]
-    Stream(#[from] StreamError),
-    /// The scene's sun has no time.
-    #[error("the scene's sun: {0}")]
-    Sun(#[from] TimeError),
-}
 
 /// A tile that came and waits for its upload.
 #[derive(Debug)]
 enum Arrived {
     Elevation(TileKey, ElevationPixels),
+    LandCover(TileKey, LandCoverPixels),
     Photo(TileKey, PhotoPixels),
 }
 
 impl Arrived {
     fn key(&self) -> &TileKey {
         match self {
-            Self::Elevation(key, _) | Self::Photo(key, _) => key,
+            Self::Elevation(key, _) | Self::LandCover(key, _) | Self::Photo(key, _) => key,
         }
     }
 }
@@ -168,6 +65,7 @@ pub struct Engine {
     stream: Stream,
     arrays: TileArrays,
     renderer: FrameRenderer,
+    models: Models,
     arrived: Vec<Arrived>,
     survey: Survey,
     /// Whether the landscape has been drawn with its photo, where it has one.
@@ -196,6 +94,7 @@ struct Drawn {
     geometry: ViewGeometry,
     view: View,
     tables: Tables,
+    seeds: Option<SeedFrameCells>,
 }
 
 impl Engine {
@@ -208,6 +107,8 @@ impl Engine {
         let on_processor = gpu.info.device_type == wgpu::DeviceType::Cpu;
         let photo = PhotoFormat::choose(options.photo_compression, gpu.device.features(), on_processor);
         options.stream.texture_slot_bytes = photo.tile_bytes();
+        options.stream.tree_range_metres =
+            options.tree_metres.unwrap_or(DEFAULT_TREE_METRES[usize::from(on_processor)]);
         let stream = Stream::new(&scene, &options.stream)?;
         let sun_unix_seconds = unix_seconds_from_rfc3339(&scene.sun.time)?;
         let slots = stream.slots();
@@ -217,6 +118,7 @@ impl Engine {
             arrays = arrays.with_minima(&gpu.device);
         }
         let renderer = FrameRenderer::new(&gpu, options.count_fetches);
+        let models = Models::new(&scene);
         Ok(Self {
             gpu,
             scene,
@@ -225,6 +127,7 @@ impl Engine {
             stream,
             arrays,
             renderer,
+            models,
             arrived: Vec::new(),
             survey: Survey::default(),
             has_shown: false,
@@ -285,7 +188,11 @@ impl Engine {
                 false
             }
         };
-        let complete = self.arrived.is_empty() && self.stream.has_all() && !self.awaits_map();
+        let mut requests: Vec<TileRequest> =
+            plan.start.into_iter().map(|(id, key)| self.request(id, key)).collect();
+        requests.extend(self.model_requests(now));
+        let complete =
+            self.arrived.is_empty() && self.stream.has_all() && !self.awaits_map() && self.has_models();
         FrameReport {
             drawn,
             complete,
@@ -294,12 +201,15 @@ impl Engine {
                 && self.drawn.as_ref().is_some_and(|drawn| drawn.request == *request)
                 && !self.stale
                 && !self.stream.is_fading(),
-            requests: plan.start.into_iter().map(|(id, key)| self.request(id, key)).collect(),
+            requests,
             cancelled: plan.cancel,
             progress: self.stream.progress(),
             ready,
             fading: self.stream.is_fading(),
-            retry_at: self.stream.next_retry(),
+            retry_at: [self.stream.next_retry(), self.models.next_retry()]
+                .into_iter()
+                .flatten()
+                .min_by(f64::total_cmp),
         }
     }
 
@@ -402,7 +312,7 @@ impl Engine {
 
     fn request(&self, id: RequestId, key: TileKey) -> TileRequest {
         let query = get_map_query(key.layer, key.address, &self.scene.revision);
-        TileRequest { id, key, url: format!("{}{query}", self.scene.wms) }
+        TileRequest { id, resource: Resource::Tile(key), url: format!("{}{query}", self.scene.wms) }
     }
 
     fn draw(&mut self, now: f64, request: &ViewRequest, geometry: ViewGeometry, target: &FrameTarget<'_>) {
@@ -417,10 +327,14 @@ impl Engine {
         if ticket.is_some() {
             self.surveyed = Some(geometry.size);
         }
-        if !self.renderer.draw(&self.gpu, &self.arrays, &view, &tables, target, ticket) {
+        let map_holds = self.survey.is_known();
+        let seeds = self.stream.seed_cells(&geometry, map_holds);
+        let species = self.stream.tree_field().map_or(&[][..], |field| &field.species);
+        let trees = seeds.as_ref().map(|seeds| FrameTrees { seeds, species, window: seeds.window() });
+        if !self.renderer.draw(&self.gpu, &self.arrays, &view, &tables, target, trees, ticket) {
             self.survey.not_made();
         }
-        self.drawn = Some(Drawn { request: request.clone(), geometry, view, tables });
+        self.drawn = Some(Drawn { request: request.clone(), geometry, view, tables, seeds });
         self.stale = false;
         self.frames += 1;
         self.has_shown |= self.stream.shows_ground();
@@ -459,6 +373,9 @@ impl Engine {
 
     /// A request's answer. One that was cancelled is ignored.
     pub fn deliver(&mut self, now: f64, id: RequestId, answer: Result<Payload, FetchFailure>) {
+        if self.models.is_asked(id) {
+            return self.deliver_model(now, id, answer);
+        }
         if let Some(start) = self.started.remove(&id)
             && answer.is_ok()
         {
@@ -481,13 +398,14 @@ impl Engine {
 
     /// Counts what an answer was on the wire: the engine sees bodies only after the platform has undone
     /// their compression, so the host says it ([`Stats::bytes`] says what counts).
-    pub fn count_wire_bytes(&mut self, layer: Layer, bytes: u64) {
-        *self.bytes.entry(layer.name()).or_default() += bytes;
+    pub fn count_wire_bytes(&mut self, resource: &Resource, bytes: u64) {
+        *self.bytes.entry(resource.name()).or_default() += bytes;
     }
 
     /// The way to the server is open again: what failed on it is asked for at once.
     pub fn retry_failed(&mut self, now: f64) {
         self.stream.requests().retry_now(now);
+        self.models.retry_now(now);
     }
 
     /// Whether all that there is has come and holds nothing: there is no terrain to show.
@@ -499,6 +417,14 @@ impl Engine {
         match payload {
             Payload::Bytes(bytes) if key.layer.is_elevation() => {
                 Ok(Arrived::Elevation(key, decode::elevation(&bytes, key.address)?))
+            }
+            Payload::Bytes(bytes) if key.layer == Layer::Lcc => {
+                let anchors = self
+                    .stream
+                    .tree_field()
+                    .map(|field| (field.anchor_level(), field.anchor_side()))
+                    .ok_or_else(|| FetchFailure::Permanent(format!("{key}: nothing grows")))?;
+                Ok(Arrived::LandCover(key, decode::land_cover(&bytes, key.address, anchors)?))
             }
             Payload::Photo { width, height, pixels, .. } if key.layer == Layer::Texture => {
                 if (width, height) != (TEXTURE_SIDE, TEXTURE_SIDE) {
@@ -526,6 +452,14 @@ impl Engine {
                     };
                     self.arrays.upload_elevation(&self.gpu.device, &self.gpu.queue, slot, &pixels);
                     new_slots.push(slot);
+                }
+                Arrived::LandCover(_, pixels) => {
+                    let Some(slot) = self.stream.place_land_cover(key, !pixels.species.is_empty()) else {
+                        continue;
+                    };
+                    pixels.species.iter().for_each(|&code| self.models.want(code));
+                    let slots = (slot, self.stream.slots().land_cover);
+                    self.arrays.upload_land_cover(&self.gpu.device, &self.gpu.queue, slots, &pixels);
                 }
                 Arrived::Photo(_, pixels) => {
                     let Some(slot) = self.stream.place_texture(key) else { continue };
@@ -645,6 +579,7 @@ impl Engine {
             requests,
             frames: self.frames,
             survey: self.survey_stats(),
+            seeds: self.renderer.seed_stats(&self.gpu),
             memory: MemoryStats {
                 budget_bytes: self.stream.slots().budget_bytes,
                 used_bytes: self.stream.used_bytes(),

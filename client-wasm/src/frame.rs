@@ -5,17 +5,38 @@ use crate::gpu::frame_buffers::FrameBuffers;
 use crate::gpu::read_back_belt::Belt;
 use crate::gpu::targets::Targets;
 use crate::gpu::tile_arrays::TileArrays;
+use crate::gpu::tree_models::TreeModels;
 use crate::passes::load_map::LoadMap;
 use crate::passes::maximum_mip::MaximumMip;
+use crate::passes::select_trees::{SelectTrees, SelectVariant};
 use crate::passes::shade::{Shade, ShadeVariant, hits_layout};
 use crate::passes::terrain::Terrain;
 use crate::passes::timing::PassTimer;
+use crate::passes::trees::{DEPTH_FORMAT, Trees};
+use crate::passes::view_layout;
+use crate::stats::SeedStats;
 use crate::stream::page_table::Tables;
+use crate::stream::tree_field::SeedFrameCells;
 use crate::survey::Ticket;
+use treeline_core::seeds::Species;
+use treeline_core::seeds::pattern::{CellRow, ROWS};
+use treeline_core::tree_model::TreeSpecies;
 use treeline_shaders::layout::View;
+use treeline_shaders::trees::{Draw, SeedSpecies, TreeCells};
 
 /// The passes of a frame, in order; timed under these names.
-pub const PASSES: &[&str] = &["terrain", "shade", "distance_pyramid", "load_map"];
+pub const PASSES: &[&str] = &["terrain", "shade", "distance_pyramid", "load_map", "select_trees", "trees"];
+
+/// Trees of a frame: what to select from, and the species' table.
+#[derive(Clone, Copy, Debug)]
+pub struct FrameTrees<'a> {
+    /// The cells.
+    pub seeds: &'a SeedFrameCells,
+    /// The table.
+    pub species: &'a [Species],
+    /// The cells, as the shade pass looks them up.
+    pub window: TreeCells,
+}
 
 /// Maps on their way back at most.
 const MAPS_IN_FLIGHT: usize = 3;
@@ -34,6 +55,11 @@ pub struct FrameTarget<'a> {
 pub struct FrameRenderer {
     frame_layout: wgpu::BindGroupLayout,
     hits_layout: wgpu::BindGroupLayout,
+    /// Of the shade pass that gives way to trees, once there are any.
+    tree_hits_layout: Option<wgpu::BindGroupLayout>,
+    view_layout: Option<wgpu::BindGroupLayout>,
+    tree_cells: Option<wgpu::Buffer>,
+    tree_groups: Option<TreeGroups>,
     sampler: wgpu::Sampler,
     no_minima: wgpu::TextureView,
     buffers: FrameBuffers,
@@ -43,7 +69,13 @@ pub struct FrameRenderer {
     minimum_mip: Option<MaximumMip>,
     terrain: Option<Terrain>,
     shade: Option<Shade>,
+    shade_trees: Option<Shade>,
+    trees: Option<Trees>,
+    tree_models: Option<TreeModels>,
     timer: Option<PassTimer>,
+    select_trees: Option<SelectTrees>,
+    seed_belt: Option<Belt<u64>>,
+    seed_stats: Option<SeedStats>,
     load_map: Option<LoadMap>,
     belt: Option<Belt<Ticket>>,
     /// The words of the map being taken in.
@@ -57,6 +89,14 @@ struct Groups {
     generation: (u64, u64, [u32; 2]),
     frame: wgpu::BindGroup,
     hits: wgpu::BindGroup,
+}
+
+/// Bind groups of the passes that draw trees, and what they were made for.
+#[derive(Debug)]
+struct TreeGroups {
+    made_for: wgpu::Texture,
+    hits: wgpu::BindGroup,
+    view: wgpu::BindGroup,
 }
 
 impl FrameRenderer {
@@ -75,7 +115,11 @@ impl FrameRenderer {
         });
         Self {
             frame_layout: crate::passes::frame_layout(device),
-            hits_layout: hits_layout(device),
+            hits_layout: hits_layout(device, false),
+            tree_hits_layout: None,
+            view_layout: None,
+            tree_cells: None,
+            tree_groups: None,
             sampler: device.create_sampler(&wgpu::SamplerDescriptor {
                 label: Some("photo"),
                 mag_filter: wgpu::FilterMode::Linear,
@@ -93,7 +137,13 @@ impl FrameRenderer {
             minimum_mip: None,
             terrain: None,
             shade: None,
+            shade_trees: None,
+            trees: None,
+            tree_models: None,
             timer: gpu.has_timestamps().then(|| PassTimer::new(device, &gpu.queue, PASSES)),
+            select_trees: None,
+            seed_belt: None,
+            seed_stats: None,
             load_map: None,
             belt: None,
             words: Vec::new(),
@@ -120,8 +170,9 @@ impl FrameRenderer {
         gpu.queue.submit([encoder.finish()]);
     }
 
-    /// Draws a frame: terrain, shade, and, with a ticket, the load map of what the terrain pass saw.
+    /// Draws a frame: terrain, the trees' selection, shade, and, with a ticket, the load map of what the terrain pass saw.
     /// Answers whether the map asked for was made: it is not while too many are on their way back.
+    #[allow(clippy::too_many_arguments, reason = "what a frame is made of")]
     pub fn draw(
         &mut self,
         gpu: &GpuContext,
@@ -129,9 +180,10 @@ impl FrameRenderer {
         view: &View,
         tables: &Tables,
         target: &FrameTarget<'_>,
+        trees: Option<FrameTrees<'_>>,
         ticket: Option<Ticket>,
     ) -> bool {
-        self.render(gpu, arrays, view, tables, Some(target), ticket)
+        self.render(gpu, arrays, view, tables, Some((target, trees)), ticket)
     }
 
     /// Makes a load map without a picture.
@@ -152,11 +204,15 @@ impl FrameRenderer {
         arrays: &TileArrays,
         view: &View,
         tables: &Tables,
-        target: Option<&FrameTarget<'_>>,
+        target: Option<(&FrameTarget<'_>, Option<FrameTrees<'_>>)>,
         ticket: Option<Ticket>,
     ) -> bool {
+        let trees = target.and_then(|(_, trees)| trees);
+        let target = target.map(|(target, _)| target);
         self.buffers.write(&gpu.device, &gpu.queue, view, tables);
         self.prepare(gpu, arrays, view, tables, target.map(|target| target.format), ticket.is_some());
+        self.prepare_trees(gpu, view, tables, trees);
+        let draws_trees = self.prepare_tree_drawing(gpu, arrays, view, tables, trees.zip(target));
         let (Some(targets), Some(groups), Some(terrain)) = (&self.targets, &self.groups, &self.terrain)
         else {
             return false;
@@ -167,9 +223,33 @@ impl FrameRenderer {
         let timer = self.timer.as_ref();
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         terrain.record(&mut encoder, &groups.frame, targets, timer.and_then(|timer| timer.writes(0)));
-        if let (Some(target), Some(shade)) = (target, &self.shade) {
-            let timestamps = timer.and_then(|timer| timer.writes(1));
-            shade.record(&mut encoder, &groups.frame, &groups.hits, target.view, timestamps);
+        if let (Some(trees), Some(pass)) = (trees, &mut self.select_trees) {
+            let times = timer.and_then(|timer| timer.compute_writes(4));
+            let (device, queue) = (&gpu.device, &gpu.queue);
+            pass.record(device, queue, &mut encoder, &groups.frame, targets, arrays, trees.seeds, times);
+            if let Some(belt) = &mut self.seed_belt {
+                let checked = trees.seeds.cells.iter().map(|cell| CellRow::new(cell.cell[1]).columns * ROWS);
+                // Where too many are on their way back, this frame is not counted.
+                belt.schedule(&mut encoder, &[pass.draws()], checked.map(u64::from).sum());
+            }
+        }
+        let timestamps = timer.filter(|_| target.is_some()).and_then(|timer| timer.writes(1));
+        let depth = targets.depth_view.as_ref().filter(|_| draws_trees);
+        match (target, &self.shade, &self.shade_trees, &self.tree_groups) {
+            (Some(target), _, Some(shade), Some(tree_groups)) if draws_trees => {
+                shade.record(&mut encoder, &groups.frame, &tree_groups.hits, target.view, depth, timestamps);
+            }
+            (Some(target), Some(shade), ..) => {
+                shade.record(&mut encoder, &groups.frame, &groups.hits, target.view, None, timestamps);
+            }
+            _ => {}
+        }
+        if let (Some(target), Some(depth), Some(tree_groups), Some(pass), Some(selected), Some(models)) =
+            (target, depth, &self.tree_groups, &mut self.trees, &self.select_trees, &self.tree_models)
+        {
+            let times = timer.and_then(|timer| timer.writes(5));
+            let (device, view, picture) = (&gpu.device, &tree_groups.view, target.view);
+            pass.record(device, &mut encoder, view, selected, models, picture, depth, times);
         }
         let mut made = true;
         if let (Some(ticket), Some(map), Some(belt)) = (ticket, &mut self.load_map, &mut self.belt) {
@@ -191,7 +271,122 @@ impl FrameRenderer {
         if let Some(belt) = &mut self.belt {
             belt.submitted();
         }
+        if let Some(belt) = &mut self.seed_belt {
+            belt.submitted();
+        }
         made
+    }
+
+    /// Makes what the selection of trees needs, where there are any to select from.
+    fn prepare_trees(
+        &mut self,
+        gpu: &GpuContext,
+        view: &View,
+        tables: &Tables,
+        trees: Option<FrameTrees<'_>>,
+    ) {
+        let Some(trees) = trees else {
+            // None are selected any more.
+            self.seed_stats = self.seed_stats.map(|_| SeedStats::default());
+            return;
+        };
+        let variant = SelectVariant { photo: !tables.pages.is_empty(), shadows: view.shadow_steps > 0 };
+        if self.select_trees.as_ref().is_some_and(|pass| pass.variant == variant) {
+            return;
+        }
+        let table: Vec<SeedSpecies> = trees.species.iter().map(SeedSpecies::from).collect();
+        let pass = SelectTrees::new(&gpu.device, &gpu.queue, &self.frame_layout, variant, &table);
+        pass.write_vertex_counts(
+            &gpu.queue,
+            self.tree_models.as_ref().map_or(&[], |models| models.vertex_counts()),
+        );
+        self.seed_belt = Some(Belt::new(&gpu.device, pass.draws().size(), MAPS_IN_FLIGHT));
+        self.select_trees = Some(pass);
+        // Its buffers are new ones.
+        self.trees = None;
+    }
+
+    /// Takes the models of the scene's species, in the order of their table. Answers whether they can be drawn.
+    pub fn take_tree_models(&mut self, gpu: &GpuContext, species: &[Option<&TreeSpecies>]) -> bool {
+        self.tree_models = TreeModels::new(&gpu.device, &gpu.queue, species);
+        // Bind groups are of the old ones.
+        self.trees = None;
+        if let (Some(models), Some(pass)) = (&self.tree_models, &self.select_trees) {
+            pass.write_vertex_counts(&gpu.queue, models.vertex_counts());
+        }
+        self.tree_models.is_some()
+    }
+
+    /// GPU memory of the models of trees, bytes.
+    pub fn tree_model_bytes(&self) -> u64 {
+        self.tree_models.as_ref().map_or(0, TreeModels::bytes)
+    }
+
+    /// Makes what drawing trees needs, where there are trees and models of them; answers whether there are.
+    fn prepare_tree_drawing(
+        &mut self,
+        gpu: &GpuContext,
+        arrays: &TileArrays,
+        view: &View,
+        tables: &Tables,
+        trees: Option<(FrameTrees<'_>, &FrameTarget<'_>)>,
+    ) -> bool {
+        let (Some((trees, target)), Some(targets), true) =
+            (trees, &mut self.targets, self.tree_models.is_some())
+        else {
+            return false;
+        };
+        let device = &gpu.device;
+        targets.with_depth(device, DEPTH_FORMAT);
+        let format = target.format;
+        let tree_hits_layout = self.tree_hits_layout.get_or_insert_with(|| hits_layout(device, true));
+        let view_layout = self.view_layout.get_or_insert_with(|| view_layout(device));
+        let variant = ShadeVariant { trees: true, ..shade_variant(format, arrays, view, tables) };
+        if self.shade_trees.as_ref().is_none_or(|shade| shade.variant != variant) {
+            self.shade_trees = Some(Shade::new(device, &self.frame_layout, tree_hits_layout, variant));
+        }
+        if self.trees.as_ref().is_none_or(|pass| pass.format != format) {
+            self.trees = Some(Trees::new(device, view_layout, format));
+        }
+        let cells = self.tree_cells.get_or_insert_with(|| {
+            device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some("tree cells"),
+                size: size_of::<TreeCells>() as u64,
+                usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            })
+        });
+        gpu.queue.write_buffer(cells, 0, bytemuck::bytes_of(&trees.window));
+        if self.tree_groups.as_ref().is_none_or(|groups| groups.made_for != targets.distance) {
+            let texture = wgpu::BindingResource::TextureView;
+            let hits =
+                [texture(&targets.distance_view), texture(&targets.hit_view), cells.as_entire_binding()];
+            let view = [self.buffers.view.as_entire_binding()];
+            self.tree_groups = Some(TreeGroups {
+                made_for: targets.distance.clone(),
+                hits: bind(device, "hits", tree_hits_layout, hits),
+                view: bind(device, "view", view_layout, view),
+            });
+        }
+        true
+    }
+
+    /// Seeds of the last frame whose counts have come back; `None` where none were ever looked at.
+    pub fn seed_stats(&mut self, gpu: &GpuContext) -> Option<SeedStats> {
+        if let Some(belt) = &mut self.seed_belt {
+            let counted = belt.poll(&gpu.device, |checked, bytes| {
+                let draws: Vec<Draw> = bytemuck::pod_collect_to_vec(bytes);
+                let selected = draws.last().map_or(0, |draw| draw.instance_count);
+                SeedStats { checked, selected: u64::from(selected) }
+            });
+            self.seed_stats = counted.or(self.seed_stats);
+        }
+        self.seed_stats
+    }
+
+    /// The pass that selects trees, if any were ever looked at.
+    pub fn select_trees(&self) -> Option<&SelectTrees> {
+        self.select_trees.as_ref()
     }
 
     /// Hands out the newest map that has come back, with its cells and pixels. Never waits.
@@ -228,12 +423,7 @@ impl FrameRenderer {
             self.terrain = Some(Terrain::new(device, &self.frame_layout, self.count_fetches));
         }
         if let Some(format) = format {
-            let variant = ShadeVariant {
-                format,
-                photo: !tables.pages.is_empty(),
-                surface: arrays.surface.side() > 1,
-                shadows: view.shadow_steps > 0,
-            };
+            let variant = shade_variant(format, arrays, view, tables);
             if self.shade.as_ref().is_none_or(|shade| shade.variant != variant) {
                 self.shade = Some(Shade::new(device, &self.frame_layout, &self.hits_layout, variant));
             }
@@ -281,6 +471,8 @@ impl FrameRenderer {
             ("maximum_mip", self.maximum_mip.is_some()),
             ("terrain", self.terrain.is_some()),
             ("shade", self.shade.is_some()),
+            ("select_trees", self.select_trees.is_some()),
+            ("trees", self.trees.is_some()),
             ("distance_pyramid", self.load_map.is_some()),
             ("load_map", self.load_map.is_some()),
         ];
@@ -297,6 +489,21 @@ impl FrameRenderer {
         if let Some(timer) = &mut self.timer {
             timer.clear();
         }
+    }
+}
+
+fn shade_variant(
+    format: wgpu::TextureFormat,
+    arrays: &TileArrays,
+    view: &View,
+    tables: &Tables,
+) -> ShadeVariant {
+    ShadeVariant {
+        format,
+        photo: !tables.pages.is_empty(),
+        surface: arrays.surface.side() > 1,
+        shadows: view.shadow_steps > 0,
+        trees: false,
     }
 }
 

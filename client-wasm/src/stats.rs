@@ -34,6 +34,9 @@ pub struct Stats {
     /// Tile Load Maps: how many, and how long each takes; absent where the quadtree chooses.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub survey: Option<SurveyStats>,
+    /// Seeds of the last frame; absent where no trees are drawn one by one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub seeds: Option<SeedStats>,
     /// GPU memory of the tiles.
     pub memory: MemoryStats,
     /// Whether slots ran out before every tile was as fine as the view allows.
@@ -71,6 +74,15 @@ pub struct RequestStats {
     pub cancelled: u64,
     /// Under way now.
     pub in_flight: usize,
+}
+
+/// Seeds of a frame, as they were last read back.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct SeedStats {
+    /// Candidates looked at.
+    pub checked: u64,
+    /// Trees selected.
+    pub selected: u64,
 }
 
 #[cfg(test)]

@@ -2,7 +2,6 @@
 //! all: the browser. A plain state machine that is told what was asked, what came and what was measured.
 
 use std::collections::{BTreeMap, HashMap};
-use treeline_core::layer::Layer;
 
 /// Clocks of a browser may be coarsened by so many milliseconds.
 const CLOCK_MILLISECONDS: f64 = 1.0;
@@ -18,7 +17,7 @@ pub struct WireBytes {
 /// A request whose count is open.
 #[derive(Clone, Copy, Debug)]
 struct Open {
-    layer: Layer,
+    name: &'static str,
     /// When it was asked for, milliseconds.
     since: f64,
     /// Where its body has come: at most so many bytes.
@@ -44,8 +43,8 @@ pub fn body_bytes(transfer_size: f64, encoded_body_size: f64) -> Option<u64> {
 
 impl WireBytes {
     /// An address is asked for, at `now` milliseconds.
-    pub fn asked(&mut self, url: String, layer: Layer, now: f64) {
-        let open = Open { layer, since: now, bound: None, measured: None, told: false };
+    pub fn asked(&mut self, url: String, name: &'static str, now: f64) {
+        let open = Open { name, since: now, bound: None, measured: None, told: false };
         if let Some(before) = self.open.insert(url, open) {
             // The platform never told of the last time.
             self.settle(before);
@@ -99,7 +98,7 @@ impl WireBytes {
 /// Adds what came; what did not come counts nothing.
 fn add(totals: &mut BTreeMap<&'static str, u64>, open: &Open) {
     if let Some(bound) = open.bound {
-        *totals.entry(open.layer.name()).or_default() += open.measured.unwrap_or(bound);
+        *totals.entry(open.name).or_default() += open.measured.unwrap_or(bound);
     }
 }
 
@@ -125,7 +124,7 @@ mod tests {
     fn the_measure_counts_whether_it_comes_before_the_body_or_after() {
         for measured_first in [true, false] {
             let mut bytes = WireBytes::default();
-            bytes.asked(TILE.into(), Layer::Texture, 10.0);
+            bytes.asked(TILE.into(), "texture", 10.0);
             if measured_first {
                 bytes.measured(TILE, 10.2, Some(400));
                 assert_eq!(total(&bytes), 0, "nothing has come");
@@ -145,7 +144,7 @@ mod tests {
     fn what_is_never_measured_counts_with_its_bound() {
         let mut bytes = WireBytes::default();
         for now in [10.0, 20.0] {
-            bytes.asked(TILE.into(), Layer::Texture, now);
+            bytes.asked(TILE.into(), "texture", now);
             bytes.came(TILE, 1_000);
             bytes.measured(TILE, now, None);
         }
@@ -155,9 +154,9 @@ mod tests {
     #[test]
     fn what_failed_counts_nothing_and_its_measure_is_not_the_next_ones() {
         let mut bytes = WireBytes::default();
-        bytes.asked(TILE.into(), Layer::Texture, 10.0);
+        bytes.asked(TILE.into(), "texture", 10.0);
         bytes.failed(TILE);
-        bytes.asked(TILE.into(), Layer::Texture, 500.0);
+        bytes.asked(TILE.into(), "texture", 500.0);
         bytes.measured(TILE, 10.0, Some(77));
         bytes.came(TILE, 1_000);
         assert_eq!(total(&bytes), 1_000);

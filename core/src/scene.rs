@@ -3,6 +3,7 @@
 use crate::camera::GeographicCamera;
 use crate::grid::Registration;
 use crate::layer::Layer;
+use crate::seeds::SpeciesDefinition;
 use crate::tile::GeographicBox;
 use serde::{Deserialize, Serialize};
 
@@ -104,6 +105,8 @@ pub struct SceneSpecies {
     pub height: f64,
     /// Crown radius over height.
     pub crown_radius_ratio: f64,
+    /// As the scene states it: [`crate::seeds::Species::new`] makes of it the very numbers that decide the trees.
+    pub definition: SpeciesDefinition,
 }
 
 /// Date and time that place the sun, UTC.

@@ -8,6 +8,7 @@ pub mod height_field;
 pub mod layout;
 pub mod lighting;
 pub mod load_map;
+pub mod trees;
 pub mod twin;
 
 /// The passes, each named as its file in `wgsl/`.
@@ -30,13 +31,19 @@ pub enum Pass {
     DistanceMips,
     /// Compute: tests the boxes of the load map's cells against the pyramid, and writes the cells' words.
     LoadMapCells,
+    /// Compute: the trees that are drawn one by one ([`trees`]), sorted by species and level.
+    SelectTrees,
     /// Full-screen: light, shadow, sky and haze, from what [`Pass::Terrain`] wrote ([`lighting`]).
     Shade,
+    /// The same over trees that are drawn one by one: the canopy gives way to the ground, and depths are written.
+    ShadeTrees,
+    /// The trees that [`Pass::SelectTrees`] chose.
+    Trees,
 }
 
 impl Pass {
     /// All passes.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 12] = [
         Self::MaximumMip,
         Self::CompressPhotoBc7,
         Self::CompressPhotoAstc,
@@ -45,7 +52,10 @@ impl Pass {
         Self::LoadMapPixels,
         Self::DistanceMips,
         Self::LoadMapCells,
+        Self::SelectTrees,
         Self::Shade,
+        Self::ShadeTrees,
+        Self::Trees,
     ];
 
     /// The pass's modules in the order in which they are put together.
@@ -94,9 +104,23 @@ impl Pass {
                 SEEDS,
                 LOAD_MAP,
                 DISTANCE_PYRAMID,
-                include_str!("../wgsl/load_map_place.wgsl"),
+                PLACE_FROM_EYE,
                 include_str!("../wgsl/load_map_box.wgsl"),
                 include_str!("../wgsl/load_map_cells.wgsl"),
+            ],
+            Self::SelectTrees => &[
+                LAYOUT,
+                FRAME_BINDINGS,
+                SKY,
+                PHOTO,
+                SHADOW,
+                LIGHTING,
+                SEEDS,
+                PLACE_FROM_EYE,
+                TREE_LAYOUT,
+                LEAF_AT,
+                include_str!("../wgsl/tree_lights.wgsl"),
+                include_str!("../wgsl/select_trees.wgsl"),
             ],
             Self::Shade => &[
                 LAYOUT,
@@ -113,6 +137,27 @@ impl Pass {
                 include_str!("../wgsl/forest.wgsl"),
                 include_str!("../wgsl/shade.wgsl"),
             ],
+            Self::ShadeTrees => &[
+                LAYOUT,
+                FRAME_BINDINGS,
+                FULL_SCREEN,
+                SKY,
+                PHOTO,
+                SHADOW,
+                include_str!("../wgsl/material.wgsl"),
+                LIGHTING,
+                SEEDS,
+                CROWNS,
+                CROWN_LIGHT,
+                include_str!("../wgsl/forest.wgsl"),
+                include_str!("../wgsl/shade.wgsl"),
+                LEAF_AT,
+                include_str!("../wgsl/canopy_below.wgsl"),
+                include_str!("../wgsl/shade_trees.wgsl"),
+            ],
+            Self::Trees => {
+                &[LAYOUT, FRAME_BINDINGS, SKY, LIGHTING, TREE_LAYOUT, include_str!("../wgsl/trees.wgsl")]
+            }
         }
     }
 }
@@ -133,6 +178,12 @@ pub const MAX_MIP: &str = include_str!("../wgsl/max_mip.wgsl");
 pub const PAGE_TABLE: &str = include_str!("../wgsl/page_table.wgsl");
 /// The load map's stack and its marks.
 pub const LOAD_MAP: &str = include_str!("../wgsl/load_map.wgsl");
+/// Places in metres from the eye.
+pub const PLACE_FROM_EYE: &str = include_str!("../wgsl/load_map_place.wgsl");
+/// The structs of [`trees`].
+pub const TREE_LAYOUT: &str = include_str!("../wgsl/tree_layout.wgsl");
+/// The leaf at a place; needs [`PHOTO`] for the root grid.
+pub const LEAF_AT: &str = include_str!("../wgsl/leaf_at.wgsl");
 /// Where the pyramid of distances keeps what.
 pub const DISTANCE_PYRAMID: &str = include_str!("../wgsl/distance_pyramid.wgsl");
 /// A line through the colours of a block of texels; needs what a format can hold.

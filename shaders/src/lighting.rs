@@ -3,6 +3,9 @@
 /// Entry point of the pass.
 pub const SHADE_FRAGMENT: &str = "shade";
 
+/// Entry point of the pass where trees are drawn one by one.
+pub const SHADE_TREES_FRAGMENT: &str = "shade_with_trees";
+
 /// A variant of the `shade` pass, by its pipeline constants.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct ShadeVariant {
@@ -45,12 +48,16 @@ mod tests {
 
     #[test]
     fn every_constant_is_an_override_of_the_shader_and_no_other_is() {
-        let text = crate::source(crate::Pass::Shade);
-        let constants = ShadeVariant::default().constants();
-        for (name, _) in constants {
-            assert!(text.contains(&format!("override {name}: bool")), "{name}");
+        for (pass, entry) in
+            [(crate::Pass::Shade, SHADE_FRAGMENT), (crate::Pass::ShadeTrees, SHADE_TREES_FRAGMENT)]
+        {
+            let text = crate::source(pass);
+            let constants = ShadeVariant::default().constants();
+            for (name, _) in constants {
+                assert!(text.contains(&format!("override {name}: bool")), "{name}");
+            }
+            assert_eq!(text.matches("override ").count(), constants.len());
+            assert!(text.contains(&format!("fn {entry}(")));
         }
-        assert_eq!(text.matches("override ").count(), constants.len());
-        assert!(text.contains(&format!("fn {SHADE_FRAGMENT}(")));
     }
 }

@@ -4,6 +4,7 @@ use naga::{Module, TypeInner};
 use std::mem::{offset_of, size_of};
 use treeline_shaders::layout::{Leaf, Sheet, TexturePage, View};
 use treeline_shaders::load_map::{LoadMapFrame, LoadMapLevel};
+use treeline_shaders::trees::{Draw, SeedCell, SeedFrame, SeedSpecies, TreeCells, TreeDraw, TreeInstance};
 use treeline_shaders::{Pass, source};
 
 fn parsed(pass: Pass) -> Module {
@@ -64,6 +65,27 @@ fn compare<const N: usize>(module: &Module, table: [Layout; N]) {
             .collect();
         assert_eq!(members, fields, "members of {name}");
     }
+}
+
+#[test]
+fn trees_are_laid_out_alike_on_both_sides() {
+    compare(
+        &parsed(Pass::SelectTrees),
+        [
+            layout_of!(SeedSpecies: lowest, highest, mean, tallest, share, crown_radius, padding),
+            layout_of!(SeedCell: cell, offset, slot, padding),
+            layout_of!(SeedFrame: eye, sides, level_pixels, eye_fraction, range, anchor_quantum, cells, blocks, species,
+                cover_bits, tile_bits, anchor_bits, padding),
+            layout_of!(TreeInstance: foot_height, look, seed, ground, height_units, colour, sun, sky, air),
+            layout_of!(Draw: vertex_count, instance_count, first_vertex, first_instance),
+        ],
+    );
+}
+
+#[test]
+fn what_draws_trees_is_laid_out_alike_on_both_sides() {
+    compare(&parsed(Pass::ShadeTrees), [layout_of!(TreeCells: first, range, padding, bits)]);
+    compare(&parsed(Pass::Trees), [layout_of!(TreeDraw: model, foliage)]);
 }
 
 #[test]

@@ -110,11 +110,3 @@ fn far_forest(point: ForestPoint, ground: Ground, lit: Lit, leaf: vec3<f32>, sta
     light.direct *= 1.0 + 0.3 * (1.0 - shown) * stand_tint;
     return canopy_radiance(forest_lit, leaf * tint, light);
 }
-
-// Leaves behind a photo's forest colour: photos of crowns hold their shadows too, and a camera's green
-// is more vivid than a wood is.
-fn forest_reflectance(colour: vec3<f32>) -> vec3<f32> {
-    let grey = luminance(colour);
-    let calm = mix(vec3<f32>(grey) * vec3<f32>(0.98, 1.06, 0.62), colour, 0.7);
-    return calm * (2.1 / (1.0 + 7.0 * grey));
-}

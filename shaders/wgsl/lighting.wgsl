@@ -22,6 +22,21 @@ fn luminance(colour: vec3<f32>) -> f32 {
     return dot(colour, vec3<f32>(0.2126, 0.7152, 0.0722));
 }
 
+// A photo's colour as reflectance: its own light and shade are drawn half-way to its middle.
+fn reflectance_of_photo(colour: vec3<f32>) -> vec3<f32> {
+    let grey = max(luminance(colour), 1e-4);
+    let lifted = 0.13 * pow(grey / 0.13, 0.82);
+    return min(colour * (lifted / grey), vec3<f32>(0.9));
+}
+
+// Leaves behind a photo's forest colour: photos of crowns hold their shadows too, and a camera's green
+// is more vivid than a wood is.
+fn forest_reflectance(colour: vec3<f32>) -> vec3<f32> {
+    let grey = luminance(colour);
+    let calm = mix(vec3<f32>(grey) * vec3<f32>(0.98, 1.06, 0.62), colour, 0.7);
+    return calm * (2.1 / (1.0 + 7.0 * grey));
+}
+
 // Light from the sky and from the ground around, over π. What the surroundings hide of the sky they
 // give back as their own light.
 fn surrounding_light(lit: Lit, albedo: vec3<f32>) -> vec3<f32> {

@@ -24,7 +24,7 @@ fn ground_box(map: u32, low: vec2<f32>, high: vec2<f32>, range: vec2<f32>) -> Gr
     for (var corner = 0u; corner < 8u; corner++) {
         let east = select(start.x, end.x, (corner & 1u) != 0u);
         let south = select(start.y, end.y, (corner & 2u) != 0u);
-        box.corners[corner] = enu_from_place(east, -south, select(range.x, range.y, (corner & 4u) != 0u));
+        box.corners[corner] = enu_from_place(stack.eye, east, -south, select(range.x, range.y, (corner & 4u) != 0u));
     }
     // An arc of angle δ and radius r rises by less than r·δ²/8 over its chord: along the meridian and the parallel.
     let side = end - start;

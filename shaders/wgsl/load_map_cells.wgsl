@@ -28,10 +28,10 @@ fn least_distance(map: u32, place: vec2<f32>) -> f32 {
     let apart = max(max(place - eye, eye - place - 1.0), vec2<f32>(0.0)) * span;
     // To the half-plane of a meridian, and to the cone of a latitude.
     let axis = max((stack.eye.w + stack.eye.z) * stack.eye.y, 0.0);
-    let east = axis * sine(min(apart.x, HALF_PI));
-    let north = 6.2e6 * sine(min(apart.y, HALF_PI));
-    let turns = view.wraps == 1u && span * f32(MAP_SIDE) > PI;
-    return max(select(east, 0.0, turns || apart.x > HALF_PI), north);
+    let east = axis * sine(min(apart.x, QUARTER_TURN));
+    let north = 6.2e6 * sine(min(apart.y, QUARTER_TURN));
+    let turns = view.wraps == 1u && span * f32(MAP_SIDE) > HALF_TURN;
+    return max(select(east, 0.0, turns || apart.x > QUARTER_TURN), north);
 }
 
 // The grid's north-west corner of a cell; false where the grid ends before it.

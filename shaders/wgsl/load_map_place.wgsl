@@ -1,8 +1,8 @@
-// Places of the stack in metres from the eye, east-north-up at the eye, without cancellation: only differences from
-// the eye are ever worked with. WGSL's own sine may be 2^-11 off.
+// Places in metres from the eye, east-north-up at the eye, without cancellation: only differences from the eye are
+// ever worked with. WGSL's own sine may be 2^-11 off. Twin: `twin/load_map_place.rs`.
 
-const PI: f32 = 3.14159265;
-const HALF_PI: f32 = 1.57079633;
+const HALF_TURN: f32 = 3.14159265;
+const QUARTER_TURN: f32 = 1.57079633;
 // WGS84: semi-major axis in metres, first eccentricity squared.
 const SEMI_MAJOR: f32 = 6378137.0;
 const ECCENTRICITY_SQUARED: f32 = 0.00669437999;
@@ -10,22 +10,23 @@ const ECCENTRICITY_SQUARED: f32 = 0.00669437999;
 // Sine of −π…π, right to 2e-7.
 fn sine(angle: f32) -> f32 {
     var x = angle;
-    if x > HALF_PI {
-        x = PI - x;
-    } else if x < -HALF_PI {
-        x = -PI - x;
+    if x > QUARTER_TURN {
+        x = HALF_TURN - x;
+    } else if x < -QUARTER_TURN {
+        x = -HALF_TURN - x;
     }
     let y = x * x;
     let tail = y * ((1.0 / 362880.0) - (y * (1.0 / 39916800.0)));
     return x - (x * y * ((1.0 / 6.0) - (y * ((1.0 / 120.0) - (y * ((1.0 / 5040.0) - tail))))));
 }
 
-// From the eye to a place so many radians farther east and north, at a height in metres.
-fn enu_from_place(east: f32, north: f32, height: f32) -> vec3<f32> {
-    let sine_eye = stack.eye.x;
-    let cosine_eye = stack.eye.y;
-    let normal_eye = stack.eye.w;
-    let rise = height - stack.eye.z;
+// From the eye (sine and cosine of its latitude, height in metres, prime vertical radius) to a place so many radians
+// farther east and north, at a height in metres.
+fn enu_from_place(eye: vec4<f32>, east: f32, north: f32, height: f32) -> vec3<f32> {
+    let sine_eye = eye.x;
+    let cosine_eye = eye.y;
+    let normal_eye = eye.w;
+    let rise = height - eye.z;
     // Latitude: half the difference, and the middle.
     let half_sine = sine(0.5 * north);
     let quarter_sine = sine(0.25 * north);
@@ -43,8 +44,8 @@ fn enu_from_place(east: f32, north: f32, height: f32) -> vec3<f32> {
     let axis_change = ((normal_there + height) * cosine_change) + (cosine_eye * (normal_change + rise));
     let polar_change = (((normal_there * flat) + height) * sine_change) + (sine_eye * ((normal_change * flat) + rise));
     // Longitude.
-    let turn = east - (2.0 * PI * round(east / (2.0 * PI)));
-    let axis = ((normal_eye + stack.eye.z) * cosine_eye) + axis_change;
+    let turn = east - (2.0 * HALF_TURN * round(east / (2.0 * HALF_TURN)));
+    let axis = ((normal_eye + eye.z) * cosine_eye) + axis_change;
     let half_turn = sine(0.5 * turn);
     let outward = axis_change - (2.0 * axis * half_turn * half_turn);
     return vec3<f32>(

@@ -171,11 +171,15 @@ fn shaded_ground(direction: vec3<f32>, distance: f32, hit: vec4<u32>, dither: f3
     return radiance * air.transmittance + air.inscatter;
 }
 
-// A photo's colour as reflectance: its own light and shade are drawn half-way to its middle.
-fn reflectance_of_photo(colour: vec3<f32>) -> vec3<f32> {
-    let grey = max(luminance(colour), 1e-4);
-    let lifted = 0.13 * pow(grey / 0.13, 0.82);
-    return min(colour * (lifted / grey), vec3<f32>(0.9));
+// Radiance as the target holds it.
+fn picture_colour(radiance: vec3<f32>, dither: f32) -> vec4<f32> {
+    let display = tone_mapped(radiance * exposure());
+    // Half a step of an 8-bit target, so that the sky shows no bands.
+    let noise = (dither - 0.5) / 255.0;
+    if ENCODE_SRGB {
+        return vec4<f32>(srgb_encoded(display) + noise, 1.0);
+    }
+    return vec4<f32>(display + noise * 2.2 * pow(max(display, vec3<f32>(1e-4)), vec3<f32>(0.55)), 1.0);
 }
 
 @fragment
@@ -191,11 +195,5 @@ fn shade(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     } else {
         radiance = shaded_ground(direction, distance, hit, dither);
     }
-    let display = tone_mapped(radiance * exposure());
-    // Half a step of an 8-bit target, so that the sky shows no bands.
-    let noise = (dither - 0.5) / 255.0;
-    if ENCODE_SRGB {
-        return vec4<f32>(srgb_encoded(display) + noise, 1.0);
-    }
-    return vec4<f32>(display + noise * 2.2 * pow(max(display, vec3<f32>(1e-4)), vec3<f32>(0.55)), 1.0);
+    return picture_colour(radiance, dither);
 }

@@ -8,8 +8,9 @@ use crate::npy;
 use crate::output;
 use crate::statistics::{addresses, fetch_statistics, median, visible_textures};
 use serde_json::{Map, Value, json};
+use std::fmt::Write as _;
 use treeline_client::engine::{Engine, EngineOptions, ViewRequest};
-use treeline_client::headless::{self, Capture, Session};
+use treeline_client::headless::{self, Capture, SelectedTree, Session};
 use treeline_client::stream::StreamOptions;
 use treeline_core::layer::Layer;
 use treeline_core::tile::TileAddress;
@@ -37,6 +38,7 @@ pub fn shoot(arguments: &Arguments) -> Result<(), ShotError> {
             ..StreamOptions::default()
         },
         photo_compression: arguments.photo_tiles,
+        tree_metres: arguments.tree_distance,
         uploads_per_step: usize::MAX,
         count_fetches: arguments.stats.is_some(),
     };
@@ -58,11 +60,26 @@ pub fn shoot(arguments: &Arguments) -> Result<(), ShotError> {
             .collect();
         output::write("--depth", path, &npy::write(height, width, &depths))?;
     }
+    if let Some(path) = &arguments.trees {
+        output::write("--trees", path, trees(&session)?.as_bytes())?;
+    }
     if let Some(path) = &arguments.stats {
         let document = statistics(&mut session, &capture, &times)?;
         output::write("--stats", path, format!("{document:#}\n").as_bytes())?;
     }
     Ok(())
+}
+
+/// The table of `--trees`.
+fn trees(session: &Session) -> Result<String, ShotError> {
+    let mut table = String::from("lon,lat,ground_m,height_m,species,level\n");
+    for tree in session.trees()? {
+        let SelectedTree { longitude, latitude, ground_metres, height_metres, species, level } = tree;
+        // Each number is the shortest that reads back as itself.
+        writeln!(table, "{longitude},{latitude},{ground_metres},{height_metres},{species},{level}")
+            .map_err(ShotError::failure)?;
+    }
+    Ok(table)
 }
 
 /// The document of `--stats`.

@@ -4,7 +4,7 @@
 use crate::flight_link::{Link, LinkQuality};
 use crate::flight_world as world;
 use std::collections::{BTreeSet, HashMap, HashSet, VecDeque};
-use treeline_client::engine::{Engine, EngineOptions, FrameReport, ViewRequest};
+use treeline_client::engine::{Engine, EngineOptions, FrameReport, Resource, ViewRequest};
 use treeline_client::frame::FrameTarget;
 use treeline_client::headless::capture::{read_texture, wait};
 use treeline_client::headless::{self, AdapterChoice};
@@ -148,7 +148,10 @@ impl Flight {
             }
         }
         for asked in &report.requests {
-            self.ask(asked.id, asked.key);
+            // Nothing grows there, so that only tiles are asked for.
+            if let Resource::Tile(key) = asked.resource {
+                self.ask(asked.id, key);
+            }
         }
         let memory = self.engine.stats().memory;
         self.tally.over_budget +=

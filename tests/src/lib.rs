@@ -19,6 +19,7 @@ pub mod picture;
 pub mod program;
 pub mod recall;
 pub mod reference;
+pub mod router_tiles;
 pub mod terrain_gpu;
 pub mod tile_world;
 pub mod tree_pictures;

@@ -5,5 +5,6 @@ pub mod frame_buffers;
 pub mod read_back_belt;
 pub mod targets;
 pub mod tile_arrays;
+pub mod tree_models;
 
 pub use context::GpuContext;

@@ -1,4 +1,5 @@
-//! What the terrain pass writes and the shade pass reads: one pair of textures of the picture's size.
+//! What the terrain pass writes and the shade pass reads: one pair of textures of the picture's size; and the depths
+//! that trees are drawn against, where any are.
 
 /// Metres from the eye; −1 for a miss.
 pub const DISTANCE_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::R32Float;
@@ -16,6 +17,8 @@ pub struct Targets {
     pub distance_view: wgpu::TextureView,
     /// View of the hits.
     pub hit_view: wgpu::TextureView,
+    /// View of the depths, once trees are drawn.
+    pub depth_view: Option<wgpu::TextureView>,
 }
 
 impl Targets {
@@ -39,7 +42,25 @@ impl Targets {
         let hit = create("hit", HIT_FORMAT);
         let distance_view = distance.create_view(&wgpu::TextureViewDescriptor::default());
         let hit_view = hit.create_view(&wgpu::TextureViewDescriptor::default());
-        Self { distance, hit, distance_view, hit_view }
+        Self { distance, hit, distance_view, hit_view, depth_view: None }
+    }
+
+    /// Makes the depths, where there are none yet.
+    pub fn with_depth(&mut self, device: &wgpu::Device, format: wgpu::TextureFormat) {
+        let [width, height] = self.size();
+        self.depth_view.get_or_insert_with(|| {
+            let depth = device.create_texture(&wgpu::TextureDescriptor {
+                label: Some("depth"),
+                size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+                mip_level_count: 1,
+                sample_count: 1,
+                dimension: wgpu::TextureDimension::D2,
+                format,
+                usage: wgpu::TextureUsages::RENDER_ATTACHMENT,
+                view_formats: &[],
+            });
+            depth.create_view(&wgpu::TextureViewDescriptor::default())
+        });
     }
 
     /// Width and height, pixels.

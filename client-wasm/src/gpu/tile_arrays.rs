@@ -3,7 +3,7 @@
 
 use crate::engine::PhotoPixels;
 use crate::passes::compress_photo::{CompressPhoto, PhotoFormat};
-use crate::stream::decode::{ELEVATION_SIDE, ElevationPixels, TEXTURE_SIDE};
+use crate::stream::decode::{ELEVATION_SIDE, ElevationPixels, LandCoverPixels, TEXTURE_SIDE};
 use treeline_core::tile::CELLS;
 
 /// Layers allocated at first.
@@ -172,6 +172,29 @@ fn array_view(texture: &wgpu::Texture) -> wgpu::TextureView {
     })
 }
 
+/// What decides the trees that are drawn one by one.
+#[derive(Debug)]
+pub struct LandCoverArrays {
+    /// Species, closure and height of stands.
+    pub stands: TileArray,
+    /// Nodes of the anchors, quanta.
+    pub anchors: TileArray,
+}
+
+impl LandCoverArrays {
+    fn new(device: &wgpu::Device, slots: u32, anchor_side: u32) -> Self {
+        use wgpu::{TextureFormat, TextureUsages};
+        let usage = TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST | TextureUsages::COPY_SRC;
+        let array = |label, side, format| {
+            TileArray::new(device, ArrayShape { label, side, mips: 1, format, usage }, slots)
+        };
+        Self {
+            stands: array("stands", CELLS, TextureFormat::Rgba8Uint),
+            anchors: array("anchors", anchor_side, TextureFormat::R32Sint),
+        }
+    }
+}
+
 /// All arrays of a scene.
 #[derive(Debug)]
 pub struct TileArrays {
@@ -188,6 +211,8 @@ pub struct TileArrays {
     photo_format: PhotoFormat,
     /// Made with the first photo tile, where they are compressed.
     compress_photo: Option<CompressPhoto>,
+    /// Land cover and anchors of trees, once a tile of them has come.
+    pub land_cover: Option<LandCoverArrays>,
     /// Counts replaced arrays: bind groups of another generation are stale.
     pub generation: u64,
 }
@@ -235,6 +260,7 @@ impl TileArrays {
             photo: TileArray::new(device, photo, texture_slots),
             photo_format,
             compress_photo: None,
+            land_cover: None,
             generation: 0,
         }
     }
@@ -249,7 +275,8 @@ impl TileArrays {
     /// GPU memory of all arrays as they are now, bytes.
     pub fn bytes(&self) -> u64 {
         let arrays = [&self.heights, &self.maxima, &self.surface, &self.photo];
-        arrays.into_iter().chain(&self.minima).map(TileArray::bytes).sum()
+        let land_cover = self.land_cover.iter().flat_map(|arrays| [&arrays.stands, &arrays.anchors]);
+        arrays.into_iter().chain(&self.minima).chain(land_cover).map(TileArray::bytes).sum()
     }
 
     /// How photo tiles are held.
@@ -286,6 +313,24 @@ impl TileArrays {
                 }
             }
         }
+        self.generation += u64::from(grown);
+    }
+
+    /// Uploads a tile of land cover into its slot, of which there are so many at most.
+    pub fn upload_land_cover(
+        &mut self,
+        device: &wgpu::Device,
+        queue: &wgpu::Queue,
+        (slot, slots): (u32, u32),
+        pixels: &LandCoverPixels,
+    ) {
+        let mut grown = self.land_cover.is_none();
+        let arrays =
+            self.land_cover.get_or_insert_with(|| LandCoverArrays::new(device, slots, pixels.anchor_side));
+        grown |= arrays.stands.ensure(device, queue, slot);
+        grown |= arrays.anchors.ensure(device, queue, slot);
+        arrays.stands.write(queue, slot, &pixels.stands, 4);
+        arrays.anchors.write(queue, slot, bytemuck::cast_slice(&pixels.anchors), 4);
         self.generation += u64::from(grown);
     }
 

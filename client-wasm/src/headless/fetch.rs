@@ -1,8 +1,7 @@
 //! Getting tiles, and decoding photos.
 
-use crate::engine::{Payload, PhotoPixels};
-use crate::stream::requests::{FetchFailure, TileKey};
-use treeline_core::layer::Layer;
+use crate::engine::{Payload, PhotoPixels, Resource};
+use crate::stream::requests::FetchFailure;
 
 /// A good answer's body.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -43,9 +42,13 @@ pub struct FetchedTile {
 }
 
 /// Fetches a tile and decodes what the engine does not decode itself.
-pub fn fetch_tile(fetcher: &dyn TileFetcher, key: TileKey, url: &str) -> Result<FetchedTile, FetchFailure> {
+pub fn fetch_tile(
+    fetcher: &dyn TileFetcher,
+    resource: &Resource,
+    url: &str,
+) -> Result<FetchedTile, FetchFailure> {
     let Fetched { body, wire_bytes } = fetcher.fetch(url)?;
-    let payload = if key.layer == Layer::Texture { decode_photo(&body)? } else { Payload::Bytes(body) };
+    let payload = if resource.is_photo() { decode_photo(&body)? } else { Payload::Bytes(body) };
     Ok(FetchedTile { payload, wire_bytes })
 }
 

@@ -1,7 +1,7 @@
 //! The engine without a browser: for `treeline-shot` and for tests.
 //!
 //! [`adapter`] opens a device, [`fetch`] gets tiles, [`session`] settles a view and draws it,
-//! [`capture`] reads pictures back.
+//! [`capture`] reads pictures back, [`trees`] the trees drawn one by one.
 
 pub mod adapter;
 pub mod capture;
@@ -10,11 +10,13 @@ pub mod height_field;
 pub mod session;
 #[cfg(test)]
 mod tests;
+pub mod trees;
 
 pub use adapter::{AdapterChoice, open};
 pub use capture::Capture;
 pub use fetch::{Fetched, TileFetcher};
 pub use session::Session;
+pub use trees::SelectedTree;
 
 /// What can go wrong without a browser, one line each.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]

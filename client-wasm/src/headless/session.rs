@@ -3,7 +3,8 @@
 use super::HeadlessError;
 use super::capture::{Capture, read_texture, wait};
 use super::fetch::{FetchedTile, TileFetcher, fetch_tile};
-use crate::engine::{Engine, FrameReport, TileRequest, ViewRequest};
+use super::trees::{SelectedTree, selected_trees};
+use crate::engine::{Engine, FrameReport, Resource, TileRequest, ViewRequest};
 use crate::frame::FrameTarget;
 use crate::stream::requests::{FetchFailure, RequestId};
 use std::collections::HashMap;
@@ -71,7 +72,7 @@ impl Session {
                         let next = asked.lock().unwrap_or_else(PoisonError::into_inner).recv();
                         let Ok(request) = next else { return };
                         // A panic must not leave the request unanswered, and the loop waiting for ever.
-                        let fetch = AssertUnwindSafe(|| fetch_tile(fetcher, request.key, &request.url));
+                        let fetch = AssertUnwindSafe(|| fetch_tile(fetcher, &request.resource, &request.url));
                         let fetched = catch_unwind(fetch)
                             .unwrap_or_else(|_| Err(FetchFailure::Permanent("the fetcher panicked".into())));
                         if answer.send((request, fetched)).is_err() {
@@ -101,7 +102,7 @@ impl Session {
             self.now += STEP_SECONDS;
             for request in report.requests {
                 under_way.insert(request.id, request.url.clone());
-                urls.insert(request.key, request.url.clone());
+                urls.insert(request.resource, request.url.clone());
                 // The workers outlive this loop.
                 let _ = ask.send(request);
             }
@@ -112,7 +113,13 @@ impl Session {
                 failure.attempts >= ATTEMPTS || matches!(failure.last, FetchFailure::Permanent(_))
             });
             if let Some((key, failure)) = lost {
-                let url = urls.get(&key).cloned().unwrap_or_else(|| key.to_string());
+                let url = urls.get(&Resource::Tile(key)).cloned().unwrap_or_else(|| key.to_string());
+                return Err(HeadlessError::Tile { url, problem: failure.last.to_string() });
+            }
+            let lost = self.engine.model_failure().filter(|(_, failure)| {
+                failure.attempts >= ATTEMPTS || matches!(failure.last, FetchFailure::Permanent(_))
+            });
+            if let Some((url, failure)) = lost {
                 return Err(HeadlessError::Tile { url, problem: failure.last.to_string() });
             }
             if under_way.is_empty() {
@@ -138,7 +145,7 @@ impl Session {
     /// Hands an answer to the engine, and counts it.
     fn deliver(&mut self, request: &TileRequest, fetched: Result<FetchedTile, FetchFailure>) {
         let payload = fetched.map(|FetchedTile { payload, wire_bytes }| {
-            self.engine.count_wire_bytes(request.key.layer, wire_bytes);
+            self.engine.count_wire_bytes(&request.resource, wire_bytes);
             payload
         });
         self.engine.deliver(self.now, request.id, payload);
@@ -165,6 +172,11 @@ impl Session {
                 Ok(start.elapsed().as_secs_f64() * 1e3)
             })
             .collect()
+    }
+
+    /// The trees that the last frame selected, by species, level, cell and seed.
+    pub fn trees(&self) -> Result<Vec<SelectedTree>, HeadlessError> {
+        selected_trees(&self.engine)
     }
 
     /// Reads the last frame back.

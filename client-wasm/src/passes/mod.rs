@@ -4,9 +4,11 @@ pub mod compress_photo;
 pub mod distance_pyramid;
 pub mod load_map;
 pub mod maximum_mip;
+pub mod select_trees;
 pub mod shade;
 pub mod terrain;
 pub mod timing;
+pub mod trees;
 
 /// Bind group 0 of every pass that looks at the scene (docs/ARCHITECTURE.md).
 pub fn frame_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
@@ -47,6 +49,23 @@ pub fn frame_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
     })
 }
 
+/// Bind group 0 of passes that need the view alone.
+pub fn view_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
+    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+        label: Some("view"),
+        entries: &[wgpu::BindGroupLayoutEntry {
+            binding: 0,
+            visibility: wgpu::ShaderStages::VERTEX_FRAGMENT,
+            ty: wgpu::BindingType::Buffer {
+                ty: wgpu::BufferBindingType::Uniform,
+                has_dynamic_offset: false,
+                min_binding_size: None,
+            },
+            count: None,
+        }],
+    })
+}
+
 /// Names a flag for a pipeline's overridable constants.
 pub(crate) fn flag(name: &'static str, value: bool) -> (&'static str, f64) {
     (name, f64::from(u8::from(value)))
@@ -61,6 +80,21 @@ pub(crate) fn full_screen_pipeline(
     entry: &str,
     constants: &[(&str, f64)],
     formats: &[wgpu::TextureFormat],
+) -> wgpu::RenderPipeline {
+    full_screen_pipeline_with_depth(device, label, source, layouts, entry, constants, formats, None)
+}
+
+/// The same with depths that its fragments write, of a format.
+#[allow(clippy::too_many_arguments, reason = "what a pipeline is made of")]
+pub(crate) fn full_screen_pipeline_with_depth(
+    device: &wgpu::Device,
+    label: &str,
+    source: String,
+    layouts: &[Option<&wgpu::BindGroupLayout>],
+    entry: &str,
+    constants: &[(&str, f64)],
+    formats: &[wgpu::TextureFormat],
+    depth: Option<wgpu::TextureFormat>,
 ) -> wgpu::RenderPipeline {
     let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some(label),
@@ -84,7 +118,13 @@ pub(crate) fn full_screen_pipeline(
             buffers: &[],
         },
         primitive: wgpu::PrimitiveState::default(),
-        depth_stencil: None,
+        depth_stencil: depth.map(|format| wgpu::DepthStencilState {
+            format,
+            depth_write_enabled: Some(true),
+            depth_compare: Some(wgpu::CompareFunction::Always),
+            stencil: wgpu::StencilState::default(),
+            bias: wgpu::DepthBiasState::default(),
+        }),
         multisample: wgpu::MultisampleState::default(),
         fragment: Some(wgpu::FragmentState {
             module: &module,

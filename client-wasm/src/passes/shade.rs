@@ -1,6 +1,7 @@
 //! The shade pass: from distance and hit to the picture.
 
-use super::full_screen_pipeline;
+use super::full_screen_pipeline_with_depth;
+use super::trees::DEPTH_FORMAT;
 use treeline_shaders::{Pass, lighting, source};
 
 /// What the pipeline is specialised for: what a scene does not have costs nothing.
@@ -14,6 +15,8 @@ pub struct ShadeVariant {
     pub surface: bool,
     /// Shadows are marched.
     pub shadows: bool,
+    /// Trees are drawn one by one over the picture: the canopy gives way to them, and depths are written.
+    pub trees: bool,
 }
 
 /// The pass, for one variant.
@@ -24,8 +27,8 @@ pub struct Shade {
     pipeline: wgpu::RenderPipeline,
 }
 
-/// Bind group 1: what the terrain pass wrote.
-pub fn hits_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
+/// Bind group 1: what the terrain pass wrote; `with_trees`: and where trees are drawn one by one.
+pub fn hits_layout(device: &wgpu::Device, with_trees: bool) -> wgpu::BindGroupLayout {
     let texture = |binding, sample_type| wgpu::BindGroupLayoutEntry {
         binding,
         visibility: wgpu::ShaderStages::FRAGMENT,
@@ -36,12 +39,23 @@ pub fn hits_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
         },
         count: None,
     };
+    let entries = [
+        texture(0, wgpu::TextureSampleType::Float { filterable: false }),
+        texture(1, wgpu::TextureSampleType::Uint),
+        wgpu::BindGroupLayoutEntry {
+            binding: 2,
+            visibility: wgpu::ShaderStages::FRAGMENT,
+            ty: wgpu::BindingType::Buffer {
+                ty: wgpu::BufferBindingType::Uniform,
+                has_dynamic_offset: false,
+                min_binding_size: None,
+            },
+            count: None,
+        },
+    ];
     device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
         label: Some("hits"),
-        entries: &[
-            texture(0, wgpu::TextureSampleType::Float { filterable: false }),
-            texture(1, wgpu::TextureSampleType::Uint),
-        ],
+        entries: &entries[..if with_trees { 3 } else { 2 }],
     })
 }
 
@@ -61,25 +75,33 @@ impl Shade {
             encode_srgb: !variant.format.is_srgb(),
         }
         .constants();
-        let pipeline = full_screen_pipeline(
+        let (pass, entry, depth) = if variant.trees {
+            (Pass::ShadeTrees, lighting::SHADE_TREES_FRAGMENT, Some(DEPTH_FORMAT))
+        } else {
+            (Pass::Shade, lighting::SHADE_FRAGMENT, None)
+        };
+        let pipeline = full_screen_pipeline_with_depth(
             device,
             "shade",
-            source(Pass::Shade),
+            source(pass),
             &[Some(frame), Some(hits)],
-            lighting::SHADE_FRAGMENT,
+            entry,
             &constants,
             &[variant.format],
+            depth,
         );
         Self { variant, pipeline }
     }
 
-    /// Records the pass.
+    /// Records the pass; with trees it writes `depth` too.
+    #[allow(clippy::too_many_arguments, reason = "what a pass is given")]
     pub fn record(
         &self,
         encoder: &mut wgpu::CommandEncoder,
         frame: &wgpu::BindGroup,
         hits: &wgpu::BindGroup,
         picture: &wgpu::TextureView,
+        depth: Option<&wgpu::TextureView>,
         timestamps: Option<wgpu::RenderPassTimestampWrites<'_>>,
     ) {
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
@@ -93,6 +115,14 @@ impl Shade {
                     store: wgpu::StoreOp::Store,
                 },
             })],
+            depth_stencil_attachment: depth.map(|view| wgpu::RenderPassDepthStencilAttachment {
+                view,
+                depth_ops: Some(wgpu::Operations {
+                    load: wgpu::LoadOp::Clear(0.0),
+                    store: wgpu::StoreOp::Store,
+                }),
+                stencil_ops: None,
+            }),
             timestamp_writes: timestamps,
             ..Default::default()
         });

@@ -3,6 +3,7 @@
 use super::requests::FetchFailure;
 use std::sync::Arc;
 use treeline_core::codec::elevation::{self, ElevationTile, MAXIMA_BLOCK_CELLS, VOID};
+use treeline_core::codec::land_cover::{LandCoverTile, Step};
 use treeline_core::tile::{CELLS, TileAddress};
 use treeline_shaders::layout::VOID_HEIGHT;
 
@@ -92,6 +93,56 @@ impl ElevationSummary {
         let (a, b, c, d) = (node(0, 0)?, node(1, 0)?, node(0, 1)?, node(1, 1)?);
         Some((a * (1.0 - x) + b * x) * (1.0 - y) + (c * (1.0 - x) + d * x) * y)
     }
+}
+
+/// A decoded tile of land cover, on the level that decides trees.
+#[derive(Clone, Debug)]
+pub struct LandCoverPixels {
+    /// 512 × 512: species, closure, height of the stand, 0.
+    pub stands: Vec<u8>,
+    /// The ground under the trees, quanta of the anchors' level, row-major.
+    pub anchors: Vec<i32>,
+    /// Columns and rows of the anchors.
+    pub anchor_side: u32,
+    /// Codes of the species that grow there.
+    pub species: Vec<u8>,
+}
+
+/// Decodes a tile of land cover and checks that it is the one that was asked for. `anchors`: level of the anchors,
+/// and how many they are along a side.
+pub fn land_cover(
+    bytes: &[u8],
+    address: TileAddress,
+    anchors: (u8, u32),
+) -> Result<LandCoverPixels, FetchFailure> {
+    let tile = LandCoverTile::decode(bytes).map_err(|error| FetchFailure::Temporary(error.to_string()))?;
+    let (level, side) = anchors;
+    let unexpected = |what: String| {
+        FetchFailure::Permanent(format!(
+            "the server's tile of land cover has {what}; this client expects another"
+        ))
+    };
+    if tile.level != address.level || tile.side != CELLS || tile.step != Step::Classes {
+        return Err(unexpected(format!("level {}, {} cells a side", tile.level, tile.side)));
+    }
+    let mut grow = [false; 256];
+    tile.codes.iter().for_each(|&code| grow[code as usize & 255] = true);
+    let species: Vec<u8> = (1..=255).filter(|&code| grow[usize::from(code)]).collect();
+    if species.is_empty() {
+        return Ok(LandCoverPixels { stands: Vec::new(), anchors: Vec::new(), anchor_side: side, species });
+    }
+    let (Some(stands), Some(nodes)) = (tile.stands, tile.anchors) else {
+        return Err(unexpected("no stands or no anchors".to_owned()));
+    };
+    if nodes.level != level || nodes.width != side || nodes.height != side {
+        return Err(unexpected(format!(
+            "{} × {} anchors of level {}",
+            nodes.width, nodes.height, nodes.level
+        )));
+    }
+    let cells = tile.codes.iter().zip(&stands.closures).zip(&stands.heights);
+    let stands = cells.flat_map(|((&code, &closure), &height)| [code as u8, closure, height, 0]).collect();
+    Ok(LandCoverPixels { stands, anchors: nodes.quanta, anchor_side: side, species })
 }
 
 fn largest(blocks: &[f32], first: (f64, f64), side: f64) -> f32 {

@@ -6,13 +6,16 @@
 
 pub mod decode;
 pub mod ground_tiles;
+mod land_cover;
 pub mod load_map;
 pub mod memory;
+pub mod models;
 pub mod page_table;
 pub mod requests;
 pub mod residency;
 pub mod root_grid;
 pub mod tile_choice;
+pub mod tree_field;
 pub mod view;
 
 #[cfg(test)]
@@ -32,6 +35,7 @@ use root_grid::RootGrid;
 use std::collections::{HashMap, HashSet};
 use tile_choice::cpu::{self, HeightRange, Limits};
 use tile_choice::{Cut, TileChoice};
+use tree_field::TreeField;
 use treeline_core::hash::hash;
 use treeline_core::layer::Layer;
 use treeline_core::scene::SceneDescription;
@@ -64,6 +68,8 @@ pub struct StreamOptions {
     pub cell_pixels: f64,
     /// Largest size of a photo texel in the picture, pixels, looked at squarely.
     pub texel_pixels: f64,
+    /// Trees are drawn one by one up to this distance, metres, where any grow; 0 for none.
+    pub tree_range_metres: f64,
     /// Requests under way at most.
     pub requests_in_flight: usize,
     /// How long a tile fades in, seconds; 0 for not at all.
@@ -79,6 +85,7 @@ impl Default for StreamOptions {
             texture_slot_bytes: PhotoFormat::default().tile_bytes(),
             cell_pixels: 1.42,
             texel_pixels: 1.42,
+            tree_range_metres: 0.0,
             requests_in_flight: 8,
             fade_seconds: 0.3,
         }
@@ -142,6 +149,8 @@ pub struct Stream {
     heights: (f64, f64),
     elevation: LayerStream,
     texture: Option<LayerStream>,
+    /// What grows about the eye, where trees are drawn one by one.
+    land_cover: Option<(TreeField, LayerStream)>,
     map: Option<MapChoice>,
     slots: Slots,
     summaries: HashMap<TileAddress, ElevationSummary>,
@@ -194,7 +203,15 @@ impl Stream {
         };
         let least = |base: usize| (base.min(PINNED_TEXTURES) + SPARE_SLOTS) as u32;
         let least = (least(base.len()), photo_base.as_ref().map(|base| least(base.len())));
-        let slots = Slots::of_budget(options.memory_budget_bytes, parts, options.texture_slot_bytes, least);
+        let field = TreeField::new(scene, options.tree_range_metres).filter(|_| parts.surface);
+        let cover_slots = field.as_ref().map_or((0, 0), |field| (field.slots(), field.slot_bytes()));
+        let slots = Slots::of_budget(
+            options.memory_budget_bytes,
+            parts,
+            options.texture_slot_bytes,
+            cover_slots,
+            least,
+        );
         let elevation = LayerStream {
             layer: row.name,
             base: base.tiles().collect(),
@@ -212,6 +229,18 @@ impl Stream {
             cell_pixels: options.texel_pixels,
             pool: Pool::new(slots.texture),
             cut: Cut::default(),
+        });
+        let land_cover = field.map(|field| {
+            let layer = LayerStream {
+                layer: Layer::Lcc,
+                base: Vec::new(),
+                maximum_level: field.level(),
+                extent: field.extent,
+                cell_pixels: options.cell_pixels,
+                pool: Pool::new(slots.land_cover),
+                cut: Cut::default(),
+            };
+            (field, layer)
         });
         let map = (options.tile_choice == TileChoice::LoadMap).then(|| {
             let depths = Depths {
@@ -234,6 +263,7 @@ impl Stream {
             heights: (scene.minimum_height, scene.maximum_height.max(scene.minimum_height)),
             elevation,
             texture,
+            land_cover,
             map,
             slots,
             summaries: HashMap::new(),
@@ -266,7 +296,8 @@ impl Stream {
     /// GPU memory of the slots that hold a tile, bytes.
     pub fn used_bytes(&self) -> u64 {
         let texture = self.texture.as_ref().map_or(0, |texture| texture.pool.used());
-        self.slots.bytes(self.elevation.pool.used(), texture)
+        let land_cover = self.land_cover.as_ref().map_or(0, |(_, layer)| layer.pool.used());
+        self.slots.bytes(self.elevation.pool.used(), texture, land_cover)
     }
 
     /// Whether a tile has come: it stands in a slot, waits for one, or is known to hold nothing.
@@ -291,14 +322,15 @@ impl Stream {
             self.map = Some(map);
         } else {
             self.elevation.cut = self.choose_by_quadtree(view, &self.elevation, &self.elevation.base);
-            let cut = match &self.texture {
-                Some(layer) => self.choose_by_quadtree(view, layer, seen.as_deref().unwrap_or(&layer.base)),
-                None => return,
-            };
-            if let Some(layer) = &mut self.texture {
+            let cut = self
+                .texture
+                .as_ref()
+                .map(|layer| self.choose_by_quadtree(view, layer, seen.as_deref().unwrap_or(&layer.base)));
+            if let Some((layer, cut)) = self.texture.as_mut().zip(cut) {
                 layer.cut = cut;
             }
         }
+        self.choose_land_cover(view);
     }
 
     fn choose_by_quadtree(&self, view: &ViewGeometry, layer: &LayerStream, base: &[TileAddress]) -> Cut {
@@ -484,7 +516,8 @@ impl Stream {
     /// their bounds say that they may be in sight wait: a finer surface will hide many of them.
     pub fn plan(&mut self, now: f64, map_holds: bool) -> Plan {
         self.wishes.clear();
-        for layer in std::iter::once(&self.elevation).chain(&self.texture) {
+        let land_cover = self.land_cover.as_ref().map(|(_, layer)| layer);
+        for layer in std::iter::once(&self.elevation).chain(&self.texture).chain(land_cover) {
             for (&address, node) in &layer.cut.nodes {
                 let key = TileKey { layer: layer.layer, address };
                 if layer.pool.is_known(&address) || self.arrived.contains(&key) {
@@ -527,10 +560,12 @@ impl Stream {
     }
 
     fn layer(&self, layer: Layer) -> Option<&LayerStream> {
-        if self.elevation.layer == layer {
-            return Some(&self.elevation);
-        }
-        self.texture.as_ref().filter(|texture| texture.layer == layer)
+        self.layers().find(|known| known.layer == layer)
+    }
+
+    fn layers(&self) -> impl Iterator<Item = &LayerStream> {
+        let land_cover = self.land_cover.as_ref().map(|(_, layer)| layer);
+        std::iter::once(&self.elevation).chain(&self.texture).chain(land_cover)
     }
 
     /// Finds a slot for an elevation tile that has come; `None` where it needs none (it is empty) or has no room.
@@ -610,15 +645,13 @@ impl Stream {
     /// Whether every tile that the view wants has come (and none waits to be placed).
     pub fn has_all(&self) -> bool {
         self.arrived.iter().all(|key| !self.is_wanted(key))
-            && std::iter::once(&self.elevation)
-                .chain(&self.texture)
-                .all(|layer| layer.cut.nodes.keys().all(|address| layer.pool.is_known(address)))
+            && self.layers().all(|layer| layer.cut.nodes.keys().all(|address| layer.pool.is_known(address)))
     }
 
     /// Whether every tile that is surely needed has come: a map of what there is now may say more of the others.
     pub fn has_all_sure(&self) -> bool {
         self.arrived.iter().all(|key| !self.is_wanted(key))
-            && std::iter::once(&self.elevation).chain(&self.texture).all(|layer| {
+            && self.layers().all(|layer| {
                 layer.cut.nodes.iter().all(|(address, node)| !node.sure || layer.pool.is_known(address))
             })
     }
@@ -630,7 +663,7 @@ impl Stream {
 
     /// Tiles wanted, of all layers, and how many of them have come.
     pub fn progress(&self) -> (usize, usize) {
-        std::iter::once(&self.elevation).chain(&self.texture).fold((0, 0), |(wanted, here), layer| {
+        self.layers().fold((0, 0), |(wanted, here), layer| {
             let known = layer.cut.nodes.keys().filter(|address| layer.pool.is_known(address)).count();
             (wanted + layer.cut.nodes.len(), here + known)
         })
@@ -638,8 +671,7 @@ impl Stream {
 
     /// The tiles wanted of each layer, in order of address.
     pub fn wanted(&self) -> Vec<(Layer, Vec<TileAddress>)> {
-        std::iter::once(&self.elevation)
-            .chain(&self.texture)
+        self.layers()
             .map(|layer| {
                 let mut tiles: Vec<TileAddress> = layer.cut.nodes.keys().copied().collect();
                 tiles.sort_unstable();
@@ -680,8 +712,7 @@ impl Stream {
 
     /// Tiles in slots, by layer.
     pub fn residents(&self) -> std::collections::BTreeMap<&'static str, usize> {
-        let layers = std::iter::once(&self.elevation).chain(&self.texture);
-        layers.map(|layer| (layer.layer.name(), layer.pool.used())).collect()
+        self.layers().map(|layer| (layer.layer.name(), layer.pool.used())).collect()
     }
 
     #[cfg(test)]

@@ -125,13 +125,18 @@ impl Requests {
         waiting.dedup_by_key(|wish| wish.key);
         let mut start = Vec::new();
         for wish in waiting.into_iter().take(room) {
-            let id = RequestId(self.next_id);
-            self.next_id += 1;
+            let id = self.next_id();
             self.in_flight.insert(id, wish.key);
             self.asked.insert(wish.key);
             start.push((id, wish.key));
         }
         Plan { start, cancel }
+    }
+
+    /// An id that is never given again: for what is asked for beside tiles.
+    pub fn next_id(&mut self) -> RequestId {
+        self.next_id += 1;
+        RequestId(self.next_id - 1)
     }
 
     /// A request has ended, however: the tile it was for, or `None` where it had been cancelled.

@@ -70,7 +70,7 @@ impl ViewGeometry {
     }
 
     /// Inward normals of the frustum's four sides, all through the eye.
-    fn side_normals(&self) -> [DVec3; 4] {
+    pub fn side_normals(&self) -> [DVec3; 4] {
         [
             self.forward * self.tangent_x + self.right,
             self.forward * self.tangent_x - self.right,

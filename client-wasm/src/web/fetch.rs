@@ -4,7 +4,6 @@ use super::failure::{Failure, text_of};
 use crate::engine::{Payload, PhotoPixels, TileRequest};
 use crate::stream::requests::FetchFailure;
 use js_sys::{ArrayBuffer, Promise, Uint8Array};
-use treeline_core::layer::Layer;
 use treeline_core::scene::SceneDescription;
 use wasm_bindgen::{JsCast, JsValue};
 use wasm_bindgen_futures::JsFuture;
@@ -59,7 +58,7 @@ pub async fn tile(
     let response = get(window, &request.url, Some(signal)).await?;
     let stated = response.headers().get("content-length").ok().flatten();
     let stated = stated.and_then(|length| length.parse::<u64>().ok());
-    let (payload, length) = if request.key.layer == Layer::Texture {
+    let (payload, length) = if request.resource.is_photo() {
         photo(window, &response).await?
     } else {
         let buffer: ArrayBuffer = body(response.array_buffer()).await?;

@@ -6,6 +6,7 @@ use crate::controls::Ground;
 use crate::engine::{DEFAULT_SHADOW_STEPS, Engine, EngineError, EngineOptions, FrameReport, ViewRequest};
 use crate::stream::requests::RequestId;
 use crate::stream::tile_choice::TileChoice;
+use crate::stream::tree_field::FARTHEST_METRES;
 use std::collections::HashMap;
 use treeline_core::camera::GeographicCamera;
 use treeline_core::scene::SceneDescription;
@@ -28,6 +29,7 @@ impl Session {
     pub fn new(graphics: Graphics, scene: &SceneDescription, number: u32) -> Result<Self, Failure> {
         let mut options = EngineOptions::default();
         options.stream.tile_choice = tile_choice();
+        options.tree_metres = tree_metres();
         if graphics.is_software() {
             // Fading in would be ten more frames, each of them slow.
             options.stream.fade_seconds = 0.0;
@@ -82,12 +84,27 @@ impl Session {
     }
 }
 
+/// A parameter of the page's address.
+fn parameter(name: &str) -> Option<String> {
+    let search = web_sys::window().and_then(|window| window.location().search().ok()).unwrap_or_default();
+    let mut pairs = search.trim_start_matches('?').split('&').filter_map(|pair| pair.split_once('='));
+    pairs.find(|(known, _)| *known == name).map(|(_, value)| value.to_owned())
+}
+
+/// Up to which distance trees are drawn one by one: `?trees=` and metres, 0 for none.
+fn tree_metres() -> Option<f64> {
+    let text = parameter("trees")?;
+    let metres = text.parse::<f64>().ok().filter(|metres| (0.0..=FARTHEST_METRES).contains(metres));
+    if metres.is_none() {
+        let line = format!("?trees={text}: it must be a length in metres, 0 to {FARTHEST_METRES}");
+        web_sys::console::warn_1(&line.into());
+    }
+    metres
+}
+
 /// Who chooses the tiles: `?tiles=cpu` is the quadtree, for comparison.
 fn tile_choice() -> TileChoice {
-    let search = web_sys::window().and_then(|window| window.location().search().ok()).unwrap_or_default();
-    let tiles =
-        search.trim_start_matches('?').split('&').find_map(|parameter| parameter.strip_prefix("tiles="));
-    match tiles {
+    match parameter("tiles").as_deref() {
         None | Some("load-map") => TileChoice::LoadMap,
         Some("cpu") => TileChoice::Cpu,
         Some(other) => {

@@ -43,7 +43,7 @@ impl WireLog {
         let address =
             Url::new_with_base(&request.url, &base).map_or_else(|_| request.url.clone(), |url| url.href());
         let now = window.performance().map_or(0.0, |clock| clock.now());
-        self.bytes.borrow_mut().asked(address.clone(), request.key.layer, now);
+        self.bytes.borrow_mut().asked(address.clone(), request.resource.name(), now);
         address
     }
 

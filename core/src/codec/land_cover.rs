@@ -6,16 +6,25 @@
 //! code, a quarter of its bits each, least significant first, x then y: [[1, 2], [0, 3]] is 201 in 8
 //! bits. Codes are never filtered and never compressed lossily.
 //!
+//! The tile of level 1 carries the ground under its trees too: the elevation nodes of the scene's anchor level
+//! that cover it, as integers on that level's lattice ([`crate::seeds::anchor`]).
+//!
 //! Layout: `TLLC`, version u8, level u8, step u8 (0, 1, 2), bits u8 (8, 16, 32), side u16, flags u8
-//! (1 stands), zero byte; then the codes in byte planes, lowest first (one plane on steps 0 and 1,
-//! bits/8 on step 2), then closures and stand heights, a byte each.
+//! (1 stands, 2 anchors, 4 anchors with voids), level of the anchors u8; then the codes in byte planes, lowest
+//! first (one plane on steps 0 and 1, bits/8 on step 2), then closures and stand heights, a byte each; then of the
+//! anchors: columns u16, rows u16, offset i32, planes u8, void bits where there are voids, and the residuals
+//! of their heights over the offset in byte planes. Which nodes they are follows from the tile's address.
 
+use super::elevation::VOID;
 use super::{DecodeError, planes};
 
 const MAGIC: [u8; 4] = *b"TLLC";
-const VERSION: u8 = 1;
+const VERSION: u8 = 2;
 const HEADER: usize = 12;
 const FLAG_STANDS: u8 = 1;
+const FLAG_ANCHORS: u8 = 2;
+const FLAG_VOIDS: u8 = 4;
+const ANCHOR_HEADER: usize = 9;
 const MAXIMUM_SIDE: usize = 2048;
 
 /// Bits of a packed code.
@@ -111,6 +120,8 @@ pub struct LandCoverTile {
     pub codes: Vec<u32>,
     /// What decides the trees: on level 1.
     pub stands: Option<Stands>,
+    /// What the trees stand on: on level 1.
+    pub anchors: Option<AnchorNodes>,
 }
 
 /// Per cell: closure and height of what stands there.
@@ -120,6 +131,75 @@ pub struct Stands {
     pub closures: Vec<u8>,
     /// Mean height of the trees in quarter metres, 0 for the species' own.
     pub heights: Vec<u8>,
+}
+
+/// Elevation nodes of the anchor level that cover a tile.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct AnchorNodes {
+    /// Matrix level of the nodes: gives the lattice.
+    pub level: u8,
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Heights in quanta, row-major from the north-west, [`VOID`] for no data.
+    pub quanta: Vec<i32>,
+}
+
+impl AnchorNodes {
+    fn encode(&self, out: &mut Vec<u8>) {
+        let offset = self.quanta.iter().copied().filter(|&value| value != VOID).min().unwrap_or(0);
+        let residuals = planes::residuals(&self.without_voids(offset), self.width.max(1) as usize);
+        let count = planes::plane_count(&residuals);
+        out.extend((self.width as u16).to_le_bytes());
+        out.extend((self.height as u16).to_le_bytes());
+        out.extend(offset.to_le_bytes());
+        out.push(count);
+        if self.quanta.contains(&VOID) {
+            planes::write_bits(self.quanta.iter().map(|&value| value == VOID), out);
+        }
+        planes::write_planes(&residuals, count, out);
+    }
+
+    /// Heights over the offset; a void repeats the node before it, so that it costs nothing.
+    fn without_voids(&self, offset: i32) -> Vec<i32> {
+        let mut last = 0;
+        let fill = |&value: &i32| {
+            if value != VOID {
+                last = value.wrapping_sub(offset);
+            }
+            last
+        };
+        self.quanta.iter().map(fill).collect()
+    }
+
+    fn decode(bytes: &[u8], level: u8, has_voids: bool) -> Result<Self, DecodeError> {
+        let Some((header, rest)) = bytes.split_first_chunk::<ANCHOR_HEADER>() else {
+            return Err(DecodeError::Length { expected: ANCHOR_HEADER, actual: bytes.len() });
+        };
+        let width = usize::from(u16::from_le_bytes([header[0], header[1]]));
+        let height = usize::from(u16::from_le_bytes([header[2], header[3]]));
+        let offset = i32::from_le_bytes([header[4], header[5], header[6], header[7]]);
+        let count = header[8];
+        if level > crate::tile::MAXIMUM_LEVEL || !(2..=MAXIMUM_SIDE).contains(&width.min(height)) {
+            return Err(DecodeError::Header("anchors out of range"));
+        }
+        if width.max(height) > MAXIMUM_SIDE || !(1..=4).contains(&count) {
+            return Err(DecodeError::Header("anchors out of range"));
+        }
+        let nodes = width * height;
+        let void_bytes = if has_voids { nodes.div_ceil(8) } else { 0 };
+        let expected = void_bytes + nodes * usize::from(count);
+        if rest.len() != expected {
+            return Err(DecodeError::Length { expected, actual: rest.len() });
+        }
+        let (voids, residuals) = rest.split_at(void_bytes);
+        let mut quanta = planes::values(&planes::read_planes(residuals, count), width);
+        for (index, value) in quanta.iter_mut().enumerate() {
+            *value = if has_voids && planes::bit(voids, index) { VOID } else { value.wrapping_add(offset) };
+        }
+        Ok(Self { level, width: width as u32, height: height as u32, quanta })
+    }
 }
 
 impl LandCoverTile {
@@ -134,11 +214,18 @@ impl LandCoverTile {
         out.extend(MAGIC);
         out.extend([VERSION, self.level, self.step as u8, self.bits as u8]);
         out.extend((self.side as u16).to_le_bytes());
-        out.extend([if self.stands.is_some() { FLAG_STANDS } else { 0 }, 0]);
+        let mut flags = if self.stands.is_some() { FLAG_STANDS } else { 0 };
+        if let Some(anchors) = &self.anchors {
+            flags |= FLAG_ANCHORS | if anchors.quanta.contains(&VOID) { FLAG_VOIDS } else { 0 };
+        }
+        out.extend([flags, self.anchors.as_ref().map_or(0, |anchors| anchors.level)]);
         planes::write_planes(&self.codes, code_bytes, &mut out);
         if let Some(stands) = &self.stands {
             out.extend(&stands.closures);
             out.extend(&stands.heights);
+        }
+        if let Some(anchors) = &self.anchors {
+            anchors.encode(&mut out);
         }
         out
     }
@@ -174,9 +261,11 @@ impl LandCoverTile {
         let cells = side * side;
         let code_bytes = Self::code_bytes(step, bits);
         let expected = HEADER + cells * (usize::from(code_bytes) + if has_stands { 2 } else { 0 });
-        if bytes.len() != expected {
+        let has_anchors = header[10] & FLAG_ANCHORS != 0;
+        if bytes.len() < expected || (bytes.len() > expected && !has_anchors) {
             return Err(DecodeError::Length { expected, actual: bytes.len() });
         }
+        let (rest, anchors) = rest.split_at(expected - HEADER);
         let (codes, stands) = rest.split_at(cells * usize::from(code_bytes));
         let codes = planes::read_planes(codes, code_bytes);
         if step != Step::Packed && codes.iter().any(|&code| code > u32::from(bits.largest_class())) {
@@ -184,7 +273,10 @@ impl LandCoverTile {
         }
         let stands = has_stands
             .then(|| Stands { closures: stands[..cells].to_vec(), heights: stands[cells..].to_vec() });
-        Ok(Self { level, side: side as u32, step, bits, codes, stands })
+        let anchors = has_anchors
+            .then(|| AnchorNodes::decode(anchors, header[11], header[10] & FLAG_VOIDS != 0))
+            .transpose()?;
+        Ok(Self { level, side: side as u32, step, bits, codes, stands, anchors })
     }
 }
 
@@ -230,7 +322,10 @@ mod tests {
         }
 
         #[test]
-        fn tiles_round_trip(bits in bits(), step in 0..3, codes in proptest::collection::vec(any::<u32>(), 16), stands: bool) {
+        fn tiles_round_trip(
+            bits in bits(), step in 0..3, codes in proptest::collection::vec(any::<u32>(), 16), stands: bool,
+            anchors in proptest::option::of(proptest::collection::vec(prop_oneof![Just(VOID), -9_000..600_000_i32], 15)),
+        ) {
             let (step, mask) = match step {
                 0 => (Step::Repeated, u32::from(bits.largest_class())),
                 1 => (Step::Classes, u32::from(bits.largest_class())),
@@ -243,6 +338,7 @@ mod tests {
                 bits,
                 codes: codes.iter().map(|code| code & mask).collect(),
                 stands: stands.then(|| Stands { closures: vec![3; 16], heights: (0..16).collect() }),
+                anchors: anchors.map(|quanta| AnchorNodes { level: 14, width: 5, height: 3, quanta }),
             };
             prop_assert_eq!(LandCoverTile::decode(&tile.encode()), Ok(tile.clone()));
             let bytes = tile.encode();
@@ -254,7 +350,7 @@ mod tests {
         fn no_bytes_make_it_panic(mut bytes in proptest::collection::vec(any::<u8>(), 0..300), keep_header in any::<bool>()) {
             if keep_header && bytes.len() >= 10 {
                 let step = bytes[6] % 3;
-                bytes[..10].copy_from_slice(&[b'T', b'L', b'L', b'C', 1, 3, step, 16, 4, 0]);
+                bytes[..10].copy_from_slice(&[b'T', b'L', b'L', b'C', 2, 3, step, 16, 4, 0]);
             }
             let _ = LandCoverTile::decode(&bytes);
         }

@@ -11,7 +11,8 @@
 //! 3. [`tree`]: the candidate reads the land cover (*stand*) of its place and lives if its rank is
 //!    below the stand's share of trees. Ranks are spread hierarchically, so that a thinned forest
 //!    stays evenly spaced.
-//! 4. [`species`] says how tall it grows and what its crown looks like, [`expected`] what the mean
+//! 4. [`anchor`] is the ground that it stands on: nodes of one fixed level.
+//! 5. [`species`] says how tall it grows and what its crown looks like, [`expected`] what the mean
 //!    of all that is where single trees are too small to be seen.
 //!
 //! Measured by the tests of [`tree`]: Clark–Evans index 1.42 for all candidates (a fully jittered
@@ -19,6 +20,7 @@
 //! distance 1.6 m; density within 2.5 % of what the land cover says from the equator to 80°.
 //! Nothing grows poleward of 86.4°, where a cell is narrower than two trees.
 
+pub mod anchor;
 pub mod expected;
 pub mod pattern;
 pub mod place;

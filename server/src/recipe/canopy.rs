@@ -4,12 +4,15 @@
 //! same everywhere, so that two tiles that share a sample share its bits.
 
 use super::RecipeError;
+use super::encode::own;
 use super::stands::Stands;
 use crate::scene::Scene;
 use crate::source::SampleGrid;
-use treeline_core::codec::elevation::{VOID, lattice_from_metres, quantum_metres};
+use treeline_core::codec::elevation::{VOID, lattice_from_metres};
+use treeline_core::codec::land_cover::AnchorNodes;
 use treeline_core::grid::{LatticeWindow, Registration};
-use treeline_core::seeds::place::{POLE_TO_POLE, UNIT_LEVEL, UNIT_METRES, latitude_from_y};
+use treeline_core::seeds::anchor;
+use treeline_core::seeds::place::{UNIT_METRES, latitude_from_y};
 use treeline_core::seeds::species::widest_crown_metres;
 use treeline_core::seeds::{CrownShape, Tree, Window, for_each_tree};
 
@@ -26,18 +29,7 @@ pub struct Anchors {
 impl Anchors {
     /// The window of nodes that the trees of a window of places stand on.
     pub fn window(level: u8, places: &Window) -> LatticeWindow {
-        let shift = u32::from(UNIT_LEVEL - level);
-        let first_column = places.west >> shift;
-        let first_row = places.north.max(0) >> shift;
-        LatticeWindow {
-            level,
-            registration: Registration::Node,
-            first_column,
-            first_row,
-            // Two nodes for every cell that the window touches.
-            width: (((places.east - 1) >> shift) + 2 - first_column).max(2) as u32,
-            height: (((places.south.min(POLE_TO_POLE) - 1) >> shift) + 2 - first_row).max(2) as u32,
-        }
+        anchor::window(level, places)
     }
 
     /// Samples the terrain on a window of nodes.
@@ -47,27 +39,24 @@ impl Anchors {
         Ok(Self { window, metres })
     }
 
-    /// Height of the ground under a place, metres: bilinear on the four nodes around it, which are on
-    /// their level's lattice, in integers, to the nearest quantum. `None` beside a void.
+    /// Height of the ground under a place, metres: on the patch of the four nodes around it. `None` beside a void.
     pub fn height(&self, x: i64, y: i64) -> Option<f32> {
-        let shift = u32::from(UNIT_LEVEL - self.window.level);
-        let cell = 1_i64 << shift;
-        let column = ((x >> shift) - self.window.first_column) as usize;
-        let row = ((y >> shift) - self.window.first_row) as usize;
+        let bits = anchor::cell_bits(self.window.level);
+        let cell = 1_i64 << bits;
+        let column = ((x >> bits) - self.window.first_column) as usize;
+        let row = ((y >> bits) - self.window.first_row) as usize;
         let width = self.window.width as usize;
-        let node = |index: usize| {
-            let value = lattice_from_metres(f64::from(self.metres[index]), self.window.level);
-            (value != VOID).then_some(i64::from(value))
-        };
         let first = row * width + column;
-        let (north_west, north_east) = (node(first)?, node(first + 1)?);
-        let (south_west, south_east) = (node(first + width)?, node(first + width + 1)?);
-        let (u, v) = (x & (cell - 1), y & (cell - 1));
-        let north = north_west * (cell - u) + north_east * u;
-        let south = south_west * (cell - u) + south_east * u;
-        let sum = north * (cell - v) + south * v;
-        let nearest = (sum + (cell * cell / 2)) >> (2 * shift);
-        Some((nearest as f64 * quantum_metres(self.window.level)) as f32)
+        let nodes = [first, first + 1, first + width, first + width + 1]
+            .map(|index| lattice_from_metres(f64::from(self.metres[index]), self.window.level));
+        let ground = anchor::between(nodes, [(x & (cell - 1)) as u32, (y & (cell - 1)) as u32], bits);
+        (ground != VOID).then(|| anchor::metres(ground, self.window.level))
+    }
+
+    /// The nodes on their level's lattice.
+    pub fn into_nodes(self) -> AnchorNodes {
+        let LatticeWindow { level, width, height, .. } = self.window;
+        AnchorNodes { level, width, height, quanta: own::lattice(&self.metres, level) }
     }
 
     /// The samples of a window of nodes of the same level that lies within.

@@ -1,5 +1,6 @@
 //! Land-cover classes: packed by level in the own format, as colours in PNG.
 
+use super::canopy::Anchors;
 use super::encode::{self, own};
 use super::levels::{code_bits, land_cover_levels};
 use super::relief_colours;
@@ -11,6 +12,8 @@ use treeline_core::codec::land_cover::{CodeBits, LandCoverTile, Stands, Step};
 use treeline_core::grid::{LatticeWindow, Registration};
 use treeline_core::layer::Layer;
 use treeline_core::scene::LandCoverLevels;
+use treeline_core::seeds::Window;
+use treeline_core::seeds::place::UNIT_LEVEL;
 
 /// The tile in the format asked for.
 pub fn make(scene: &Scene, request: &TileRequest) -> Result<Vec<u8>, RecipeError> {
@@ -54,8 +57,24 @@ pub fn tile(
         closures: covers.iter().map(|cover| cover.closure).collect(),
         heights: covers.iter().map(|cover| cover.height).collect(),
     });
+    let anchors = if window.level == levels.l1 && covers.iter().any(|cover| cover.species != 0) {
+        Some(Anchors::read(scene, Anchors::window(levels.anchor, &places(window)))?.into_nodes())
+    } else {
+        None
+    };
     let step = if window.level > levels.l1 { Step::Repeated } else { Step::Classes };
-    Ok(LandCoverTile { level: window.level, side: window.width, step, bits, codes, stands })
+    Ok(LandCoverTile { level: window.level, side: window.width, step, bits, codes, stands, anchors })
+}
+
+/// The places of a window of cells.
+fn places(window: &LatticeWindow) -> Window {
+    let shift = UNIT_LEVEL - window.level;
+    Window {
+        west: window.first_column << shift,
+        north: window.first_row << shift,
+        east: (window.first_column + i64::from(window.width)) << shift,
+        south: (window.first_row + i64::from(window.height)) << shift,
+    }
 }
 
 fn packed(
@@ -89,6 +108,7 @@ fn packed(
         bits,
         codes,
         stands: None,
+        anchors: None,
     })
 }
 

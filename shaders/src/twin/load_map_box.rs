@@ -31,7 +31,7 @@ pub fn ground_box<T: Texels>(map: &LoadMap<'_, T>, of: u32, low: Vec2, high: Vec
     let corners = [0, 1, 2, 3, 4, 5, 6, 7].map(|corner| {
         let east = if corner & 1 != 0 { end.x } else { start.x };
         let south = if corner & 2 != 0 { end.y } else { start.y };
-        enu_from_place(map.stack, east, -south, if corner & 4 != 0 { range.y } else { range.x })
+        enu_from_place(map.stack.eye, east, -south, if corner & 4 != 0 { range.y } else { range.x })
     });
     let side = end - start;
     let cosine = (map.stack.eye[1] + start.y.abs().max(end.y.abs())).min(1.0);

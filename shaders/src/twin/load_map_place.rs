@@ -1,6 +1,5 @@
-//! Twin of `load_map_place.wgsl`: places of the stack in metres from the eye, without cancellation.
+//! Twin of `load_map_place.wgsl`: places in metres from the eye, without cancellation.
 
-use crate::load_map::LoadMapFrame;
 use glam::Vec3;
 use std::f32::consts::{FRAC_PI_2, PI};
 
@@ -22,10 +21,10 @@ pub fn sine(angle: f32) -> f32 {
     x - x * y * (1.0 / 6.0 - y * (1.0 / 120.0 - y * (1.0 / 5_040.0 - tail)))
 }
 
-/// From the eye to a place so many radians farther east and north, at a height in metres: east, north and up at
+/// From the eye (sine and cosine of its latitude, height in metres, prime vertical radius) to a place so many radians farther east and north, at a height in metres: east, north and up at
 /// the eye, metres.
-pub fn enu_from_place(stack: &LoadMapFrame, east: f32, north: f32, height: f32) -> Vec3 {
-    let [sine_eye, cosine_eye, height_eye, normal_eye] = stack.eye;
+pub fn enu_from_place(eye: [f32; 4], east: f32, north: f32, height: f32) -> Vec3 {
+    let [sine_eye, cosine_eye, height_eye, normal_eye] = eye;
     let rise = height - height_eye;
     let half_sine = sine(0.5 * north);
     let quarter_sine = sine(0.25 * north);
@@ -80,12 +79,10 @@ mod tests {
             let east = (away * direction.cos()) as f32;
             let north = (there - latitude.to_radians()) as f32;
             let (sine, cosine) = latitude.to_radians().sin_cos();
-            let stack = LoadMapFrame {
-                eye: [sine as f32, cosine as f32, eye_height as f32, geodesy::prime_vertical_radius(latitude) as f32],
-                ..LoadMapFrame::default()
-            };
-            let found = enu_from_place(&stack, east, north, height as f32).as_dvec3();
-            let eye = EyeFrame::at(Geodetic { longitude: 0.0, latitude, height: f64::from(stack.eye[2]) });
+            let frame =
+                [sine as f32, cosine as f32, eye_height as f32, geodesy::prime_vertical_radius(latitude) as f32];
+            let found = enu_from_place(frame, east, north, height as f32).as_dvec3();
+            let eye = EyeFrame::at(Geodetic { longitude: 0.0, latitude, height: f64::from(frame[2]) });
             let place = Geodetic {
                 longitude: f64::from(east).to_degrees(),
                 latitude: latitude + f64::from(north).to_degrees(),

@@ -22,6 +22,7 @@ pub mod patch;
 pub mod photo;
 pub mod photo_block;
 pub mod ray;
+pub mod select_trees;
 pub mod shadow;
 pub mod sky;
 pub mod terrain;

@@ -1,0 +1,118 @@
+// Under trees that are drawn one by one the canopy of the heights gives way to the ground: it fades, pixel by pixel,
+// where every tree has already faded in, and a second ray goes on to what lies below.
+
+// Shares of the trees' range between which the canopy comes back: nearer than the nearest end of a tree's own fade.
+const CANOPY_BACK: vec2<f32> = vec2<f32>(0.62, 0.74);
+// Steps of the ray below the canopy: of half a cell at first, longer and longer, then much longer.
+const BELOW_STEPS: u32 = 64u;
+const BELOW_FAR_STEPS: u32 = 28u;
+const BELOW_GROWTH: vec2<f32> = vec2<f32>(1.06, 1.25);
+// Trees drawn over a canopy that is still there stand within it: so far behind its surface it hides them, metres.
+const CANOPY_DEPTH: f32 = 10.0;
+
+// Where trees are drawn one by one.
+struct TreeCells {
+    // Cell of the seeds' pattern at the window's north-west corner.
+    first: vec2<u32>,
+    // Trees are drawn up to this distance, metres.
+    range: f32,
+    padding: u32,
+    // A bit a cell, 64 × 64 of them, row by row.
+    bits: array<vec4<u32>, 32>,
+}
+
+@group(1) @binding(2) var<uniform> tree_cells: TreeCells;
+
+// What a ray meets below the canopy.
+struct Below {
+    found: bool,
+    distance: f32,
+    leaf: u32,
+    cell: vec2<f32>,
+    place: MapPlace,
+    // Whether it is a canopy that has not faded.
+    canopy: bool,
+}
+
+// Whether the trees at grid coordinates are drawn one by one.
+fn has_trees(unit: vec2<u32>) -> bool {
+    var place = unit;
+    if view.root_level >= 5u {
+        place = unit >> vec2<u32>(view.root_level - 5u);
+    } else {
+        place = unit << vec2<u32>(5u - view.root_level);
+    }
+    // Columns wrap around the Earth.
+    let cell = (((place + view.grid_place) >> vec2<u32>(14u)) - tree_cells.first) & vec2<u32>(0x3ffffu, 0xffffffffu);
+    if any(cell >= vec2<u32>(64u)) {
+        return false;
+    }
+    let word = (cell.y * 2u) + (cell.x >> 5u);
+    return ((tree_cells.bits[word >> 2u][word & 3u] >> (cell.x & 31u)) & 1u) == 1u;
+}
+
+// Share of the canopy that is still drawn at a distance.
+fn canopy_share(distance: f32) -> f32 {
+    return smoothstep(CANOPY_BACK.x, CANOPY_BACK.y, distance / tree_cells.range);
+}
+
+// Height of the surface at a cell coordinate without the canopy, metres.
+fn ground_height_at(cell: vec2<f32>, slot: u32) -> f32 {
+    let node = clamp(vec2<i32>(round(cell)), vec2<i32>(-1), vec2<i32>(513));
+    return node_height(node, slot) - f32(node_surface(node, slot).y) * CANOPY_UNIT;
+}
+
+// Follows a ray from where it met the canopy. `rate`: grid units per metre along it, `rise`: metres per metre.
+fn ground_below(start: MapPlace, index: u32, from_distance: f32, height: f32, rate: vec2<f32>, rise: f32, dither: f32) -> Below {
+    var found = Below(false, 0.0, EMPTY, vec2<f32>(0.0), start, false);
+    var leaf = ground_leaf(index);
+    var at = index;
+    let along = max(length(rate * leaf.cells_per_unit), 1e-3);
+    var stride = clamp(0.6 / along, 0.3, 8.0);
+    var travelled = 0.0;
+    var before = 0.0;
+    for (var step = 0u; step < BELOW_STEPS + BELOW_FAR_STEPS; step++) {
+        before = travelled;
+        travelled += stride * select(1.0, 0.4 + 0.6 * dither, step == 0u);
+        stride *= select(BELOW_GROWTH.x, BELOW_GROWTH.y, step >= BELOW_STEPS);
+        let ray = height + rise * travelled;
+        if ray > view.forward.w {
+            return found;
+        }
+        let place = moved(start, travelled * rate);
+        if !covers(leaf, place) {
+            at = leaf_index_at(place.unit);
+            if at == EMPTY {
+                return found;
+            }
+            leaf = ground_leaf(at);
+        }
+        let cell = cell_in(leaf, place);
+        let stays = canopy_share(from_distance + travelled) > dither || !has_trees(place.unit);
+        var surface_height = ground_height_at(cell, leaf.slot);
+        if stays {
+            surface_height = height_at(cell, leaf.slot, false);
+        }
+        if ray <= surface_height && surface_height > VOID_HEIGHT {
+            // Half-way between the last point above and the first below, five times.
+            var high = before;
+            var low = travelled;
+            for (var halving = 0; halving < 5; halving++) {
+                let middle = 0.5 * (high + low);
+                let there = cell_in(leaf, moved(start, middle * rate));
+                var middle_height = ground_height_at(there, leaf.slot);
+                if stays {
+                    middle_height = height_at(there, leaf.slot, false);
+                }
+                if height + rise * middle <= middle_height {
+                    low = middle;
+                } else {
+                    high = middle;
+                }
+            }
+            let end = moved(start, low * rate);
+            return Below(true, from_distance + low, at, cell_in(leaf, end), end, stays);
+        }
+    }
+    return found;
+}

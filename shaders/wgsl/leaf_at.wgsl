@@ -1,0 +1,19 @@
+// Index of the leaf at grid coordinates, or EMPTY.
+fn leaf_index_at(unit: vec2<u32>) -> u32 {
+    var entry = root_entry(unit);
+    if entry == EMPTY {
+        return EMPTY;
+    }
+    entry = nodes[entry];
+    for (var depth = 0u; depth < ROOT_BITS; depth++) {
+        if (entry & LEAF_BIT) != 0u {
+            break;
+        }
+        let quadrant = (unit >> vec2<u32>(ROOT_BITS - 1u - depth)) & vec2<u32>(1u);
+        entry = nodes[entry + 2u * quadrant.y + quadrant.x];
+    }
+    if entry == EMPTY || (entry & LEAF_BIT) == 0u || leaves[entry & ~LEAF_BIT].slot == EMPTY {
+        return EMPTY;
+    }
+    return entry & ~LEAF_BIT;
+}

@@ -1,0 +1,101 @@
+// The shade pass where trees are drawn one by one: the canopy of the heights gives way to the ground below it, and
+// the depth of what is shown is written for the trees.
+
+// Distance that a depth of 1 stands for, metres, as in `trees.wgsl`.
+const NEAR_METRES: f32 = 0.1;
+
+// Shares of the sky's and the sun's light that a canopy leaves to the ground under it.
+const CANOPY_SKY: f32 = 0.35;
+const CANOPY_SUN: f32 = 0.16;
+
+struct ShadedWithDepth {
+    @location(0) colour: vec4<f32>,
+    @builtin(frag_depth) depth: f32,
+}
+
+// The ground under a wood: its own light is what the crowns above leave of it.
+fn forest_floor(direction: vec3<f32>, below: Below, dither: f32) -> vec3<f32> {
+    let index = below.leaf;
+    let slot = leaves[index].slot;
+    let frame = tile_frame(index, direction * below.distance);
+    let up = normalize(frame.h);
+    let footprint = max(below.distance * view.right.w, 1e-4);
+    let cell_metres = leaves[index].cell_metres;
+    let units_per_cell = f32(leaves[index].grid_side) / vec2<f32>(leaves[index].cells);
+    // Canopy heights are rounded: slopes over some cells.
+    let reach = 3.0;
+    let east = ground_height_at(below.cell + vec2<f32>(reach, 0.0), slot) - ground_height_at(below.cell - vec2<f32>(reach, 0.0), slot);
+    let south = ground_height_at(below.cell + vec2<f32>(0.0, reach), slot) - ground_height_at(below.cell - vec2<f32>(0.0, reach), slot);
+    let slope = clamp(vec2<f32>(east, south) / (2.0 * reach * cell_metres), vec2<f32>(-3.0), vec2<f32>(3.0)) * cell_metres;
+    let normal = normal_of(frame, slope);
+    let height = ground_height_at(below.cell, slot);
+    let ground = Ground(below.place, index, height, units_per_cell / cell_metres, footprint / cell_metres.y, 0.5);
+    let cover = cover_at(below.cell, slot);
+    var base = neutral_colour(cover, 1.0 - dot(normal, up));
+    if WITH_PHOTO {
+        let sample = photo_colour(below.place.unit, below.place.fraction, max(footprint, 1.0), vec2<f32>(0.0), 1.0);
+        base = mix(base, reflectance_of_photo(sample.rgb / max(sample.a, 1e-3)), sample.a);
+    }
+    // Litter, moss and herbs.
+    let fine = metric_noise(ground, 0.5, footprint, 41u) + metric_noise(ground, 1.7, footprint, 42u);
+    let patches = metric_noise(ground, 6.0, footprint, 43u);
+    let wooded = smoothstep(0.5, 3.0, cover.canopy_height);
+    let litter = mix(base, vec3<f32>(0.085, 0.07, 0.042), 0.45 * wooded * (0.6 + 0.4 * patches));
+    base = litter * (1.0 + 0.16 * fine + 0.1 * patches);
+    let sun_cosine = dot(up, view.sun.xyz);
+    var lit = Lit(normal, up, direction, sun_transmittance(height, sun_cosine), sky_ambient(sun_cosine), smoothstep(-0.012, 0.006, sun_cosine), 1.0);
+    if WITH_SHADOWS {
+        let toward = vec3<f32>(dot(view.sun.xyz, frame.u) * cell_metres.x, dot(view.sun.xyz, frame.v) * cell_metres.y, sun_cosine);
+        if sun_cosine > -0.01 {
+            lit.sun_visible *= sun_visibility(ground, toward, dither);
+        }
+        lit.sky_visible = max(sky_visibility(ground, 8.0, 60.0), CANOPY_SKY * wooded);
+        // Specks of sun come through any canopy, and leaves pass light on.
+        lit.sun_visible = mix(lit.sun_visible, max(lit.sun_visible, CANOPY_SUN), wooded * smoothstep(-0.012, 0.006, sun_cosine));
+    }
+    let radiance = bare_radiance(lit, base);
+    let air = air_along(direction, 0.0, below.distance, 5u);
+    return radiance * air.transmittance + air.inscatter;
+}
+
+@fragment
+fn shade_with_trees(@builtin(position) position: vec4<f32>) -> ShadedWithDepth {
+    let pixel = vec2<i32>(position.xy);
+    let direction = pixel_direction(position.xy);
+    let distance = textureLoad(distance_texture, pixel, 0).x;
+    let hit = textureLoad(hit_texture, pixel, 0);
+    let dither = pixel_dither(position.xy);
+    let ahead = dot(direction, view.forward.xyz);
+    if distance < 0.0 || hit.x == EMPTY {
+        return ShadedWithDepth(picture_colour(sky(direction), dither), 0.0);
+    }
+    var behind = 0.0;
+    if distance < tree_cells.range {
+        let index = hit.x;
+        let slot = leaves[index].slot;
+        let cell = vec2<f32>(bitcast<f32>(hit.y), bitcast<f32>(hit.z));
+        let units_per_cell = f32(leaves[index].grid_side) / vec2<f32>(leaves[index].cells);
+        let offset = clamp(cell - vec2<f32>(leaves[index].first_cell), vec2<f32>(0.0), vec2<f32>(leaves[index].cells)) * units_per_cell;
+        let place = moved(MapPlace(leaves[index].grid_origin, vec2<f32>(0.0)), offset);
+        if cover_at(cell, slot).canopy_height > 0.5 && has_trees(place.unit) {
+            behind = CANOPY_DEPTH;
+            if canopy_share(distance) <= dither {
+                let frame = tile_frame(index, direction * distance);
+                let rate = vec2<f32>(dot(direction, frame.u), dot(direction, frame.v)) * units_per_cell;
+                let height = height_at(cell, slot, true);
+                let below = ground_below(place, index, distance, height, rate, dot(direction, frame.h), dither);
+                if !below.found {
+                    return ShadedWithDepth(picture_colour(sky(direction), dither), 0.0);
+                }
+                if !below.canopy {
+                    return ShadedWithDepth(picture_colour(forest_floor(direction, below, dither), dither), NEAR_METRES / max(below.distance * ahead, NEAR_METRES));
+                }
+                let words = vec4<u32>(below.leaf, bitcast<vec2<u32>>(below.cell), 0u);
+                let radiance = shaded_ground(direction, below.distance, words, dither);
+                return ShadedWithDepth(picture_colour(radiance, dither), NEAR_METRES / max((below.distance + CANOPY_DEPTH) * ahead, NEAR_METRES));
+            }
+        }
+    }
+    let radiance = shaded_ground(direction, distance, hit, dither);
+    return ShadedWithDepth(picture_colour(radiance, dither), NEAR_METRES / max((distance + behind) * ahead, NEAR_METRES));
+}

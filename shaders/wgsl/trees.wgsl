@@ -1,0 +1,126 @@
+// Trees one by one: quads pulled from storage buffers, one indirect draw a species and level. What is the same for a
+// whole tree comes with its instance (`select_trees`).
+
+override ENCODE_SRGB: bool = false;
+
+// Distance that a depth of 1 stands for, metres: depths are this over the distance along the view axis.
+const NEAR_METRES: f32 = 0.1;
+// Texels with at least this alpha are there.
+const ALPHA_TEST: f32 = 0.5;
+// How far a hash moves that limit where texels are smaller than pixels.
+const ALPHA_HASH: f32 = 0.45;
+// How much of a tree's green is the ground's around it, the rest its species' own.
+const GROUND_TINT: f32 = 0.8;
+// Leaves shade each other within what a model can show of them: share of their light that is left.
+const LEAF_LIGHT: f32 = 0.86;
+
+// What a draw knows of its model.
+struct TreeDraw {
+    // Bin, first corner of the level, quads of a variant, variants.
+    model: vec4<u32>,
+    // Mean reflectance of its foliage; w: layer of the atlas.
+    foliage: vec4<f32>,
+}
+
+@group(1) @binding(0) var<uniform> seed_frame: SeedFrame;
+@group(1) @binding(1) var<storage, read> counts: array<u32>;
+@group(1) @binding(2) var<storage, read> instances: array<TreeInstance>;
+// Four words a corner (`core::tree_model`).
+@group(1) @binding(3) var<storage, read> corners: array<vec4<u32>>;
+@group(1) @binding(4) var atlas: texture_2d_array<f32>;
+@group(1) @binding(5) var atlas_sampler: sampler;
+@group(2) @binding(0) var<uniform> tree_draw: TreeDraw;
+
+struct TreeVertex {
+    @builtin(position) position: vec4<f32>,
+    @location(0) uv: vec2<f32>,
+    @location(1) normal: vec3<f32>,
+    // Place in the crown, and share of foliage.
+    @location(2) shade: vec2<f32>,
+    @location(3) point: vec3<f32>,
+    // Shares of the pixels between which it is drawn, of 255; hash; instance.
+    @location(4) @interpolate(flat) look: vec4<u32>,
+}
+
+fn turned(v: vec2<f32>, turn: vec2<f32>) -> vec2<f32> {
+    return vec2<f32>(v.x * turn.x - v.y * turn.y, v.x * turn.y + v.y * turn.x);
+}
+
+@vertex
+fn tree_vertex(@builtin(vertex_index) vertex: u32, @builtin(instance_index) index: u32) -> TreeVertex {
+    let place = counts[tree_draw.model.x * seed_frame.cells * seed_frame.blocks] + index;
+    let foot_height = instances[place].foot_height;
+    let look = instances[place].look;
+    let quad = vertex / 6u;
+    // Two triangles: 0-1-2 and 0-2-3.
+    let corner = (0x320210u >> (4u * (vertex % 6u))) & 3u;
+    let variant = ((look >> 8u) & 0xffu) % tree_draw.model.w;
+    let words = corners[tree_draw.model.y + ((variant * tree_draw.model.z + quad) * 4u) + corner];
+    let angle = f32(look & 0xffu) * (6.2831853 / 256.0);
+    let turn = vec2<f32>(cos(angle), sin(angle));
+    let level = turned(unpack2x16snorm(words.x), turn);
+    let up = normalize(vec3<f32>(foot_height.xy / view.sun.w, 1.0));
+    let offset = vec3<f32>(level, 0.0) + unpack2x16snorm(words.y).x * up;
+    let point = foot_height.xyz + foot_height.w * offset;
+    let own_normal = unpack4x8snorm(words.w).xyz;
+
+    var out: TreeVertex;
+    let right = view.right.xyz / dot(view.right.xyz, view.right.xyz);
+    let above = view.up.xyz / dot(view.up.xyz, view.up.xyz);
+    out.position = vec4<f32>(dot(point, right), dot(point, above), NEAR_METRES, dot(point, view.forward.xyz));
+    out.uv = unpack2x16unorm(words.z);
+    out.normal = vec3<f32>(turned(own_normal.xy, turn), own_normal.z);
+    out.shade = unpack4x8unorm(words.y).zw;
+    out.point = point;
+    out.look = vec4<u32>((look >> 16u) & 0xffu, look >> 24u, (look >> 8u) & 0xffu, place);
+    return out;
+}
+
+// Interleaved gradient noise (J. Jimenez), 0…1: the pixels that two levels of a tree share out between them.
+fn pixel_share(position: vec2<f32>) -> f32 {
+    return fract(52.9829189 * fract(dot(position, vec2<f32>(0.06711056, 0.00583715))));
+}
+
+// A hash of the texel at a scale, 0…1: it stands still on the tree.
+fn texel_hash(texel: vec2<f32>, scale: f32, tree: u32) -> f32 {
+    let cell = vec2<u32>(texel / scale);
+    var bits = (cell.x * 0x9e3779b1u) ^ (cell.y * 0x85ebca77u) ^ (tree * 0xc2b2ae3du);
+    bits = (bits ^ (bits >> 15u)) * 0x2c1b3c6du;
+    bits = (bits ^ (bits >> 12u)) * 0x297a2d39u;
+    return f32((bits ^ (bits >> 15u)) >> 8u) * 5.9604645e-8;
+}
+
+@fragment
+fn tree_fragment(in: TreeVertex) -> @location(0) vec4<f32> {
+    let texture = textureSample(atlas, atlas_sampler, in.uv, i32(tree_draw.foliage.w));
+    let texel = in.uv * vec2<f32>(textureDimensions(atlas));
+    let width = max(length(dpdx(texel)), length(dpdy(texel)));
+    let share = pixel_share(in.position.xy) * 255.0;
+    // Where a texel is smaller than a pixel its alpha is a share of it: a hash decides, at the scale of the pixel.
+    let smaller = saturate(log2(max(width, 1e-3)) * 0.5);
+    let scale = exp2(round(log2(max(width, 1.0))));
+    let limit = ALPHA_TEST + ALPHA_HASH * smaller * (texel_hash(texel, scale, in.look.z) - 0.5);
+    if texture.a < limit || share < f32(in.look.x) || share >= f32(in.look.y) + select(0.0, 1.0, in.look.y == 255u) {
+        discard;
+    }
+    let colour = instances[in.look.w].colour;
+    let sun = instances[in.look.w].sun;
+    let sky = instances[in.look.w].sky;
+    let air = instances[in.look.w].air;
+    let foot = instances[in.look.w].foot_height.xyz;
+    let up = normalize(vec3<f32>(foot.xy / view.sun.w, 1.0));
+    let direction = normalize(in.point);
+    let lit = Lit(in.normal, up, direction, sun.rgb, sky.rgb, colour.w, sky.w);
+    let tint = mix(vec3<f32>(1.0), colour.rgb / max(tree_draw.foliage.rgb, vec3<f32>(1e-3)), GROUND_TINT);
+    // As the canopy of the heights has it: bright at the tops, dark between them.
+    let place = in.shade.x * (0.35 + 0.65 * in.shade.x);
+    let leaf = canopy_radiance(lit, LEAF_LIGHT * texture.rgb * tint, crown_light(lit, place));
+    // Wood stands in the crown's shade.
+    let wood = bare_radiance(lit, texture.rgb) * mix(0.2, 0.8, place);
+    let radiance = mix(wood, leaf, in.shade.y) * air.w + air.rgb;
+    let display = tone_mapped(radiance * sun.w);
+    if ENCODE_SRGB {
+        return vec4<f32>(srgb_encoded(display), 1.0);
+    }
+    return vec4<f32>(display, 1.0);
+}
