@@ -591,12 +591,18 @@ impl Engine {
     }
 }
 
-/// Height in metres, and crown radius over it, of the mean of a scene's species.
+/// Height in metres, and crown radius over it, of the mean of a scene's species, those of shrubs left out where
+/// there are trees: a far forest is made of its tall ones.
 fn typical_tree(species: &[SceneSpecies]) -> [f32; 2] {
-    if species.is_empty() {
-        return [0.0; 2];
-    }
-    let mean =
-        |of: fn(&SceneSpecies) -> f64| (species.iter().map(of).sum::<f64>() / species.len() as f64) as f32;
+    const LEAST_METRES: f64 = 6.0;
+    let tall = |species: &&SceneSpecies| species.height >= LEAST_METRES;
+    let counted: Vec<&SceneSpecies> = match species.iter().filter(tall).count() {
+        0 => species.iter().collect(),
+        _ => species.iter().filter(tall).collect(),
+    };
+    let mean = |of: fn(&SceneSpecies) -> f64| {
+        let sum: f64 = counted.iter().map(|species| of(species)).sum();
+        (sum / counted.len().max(1) as f64) as f32
+    };
     [mean(|species| species.height), mean(|species| species.crown_radius_ratio)]
 }

@@ -186,7 +186,7 @@ mod tests {
             RequestId(count)
         };
         assert!(models.are_here() && models.plan(0.0, &mut next).is_empty(), "none of their trees is near");
-        [1, 2, 1].map(|code| models.want(code));
+        [1, 2, 1].into_iter().for_each(|code| models.want(code));
         let asked = models.plan(0.0, &mut next);
         assert_eq!(asked.len(), 2);
         assert_eq!(asked[0].2, format!("/trees/1?revision={}", scene().revision));
