@@ -1,6 +1,7 @@
 //! The full model of a variant: stems as prisms, foliage as cards, in the tree frame.
 
 use super::atlas::Region;
+use super::clumps::Clumps;
 use super::envelope::Envelope;
 use super::growth::{Foliage, GrowthForm};
 use super::quad::{Corner, Quad};
@@ -27,6 +28,9 @@ pub fn uv_in(region: &Region, side: u32, u: f32, v: f32) -> [f32; 2] {
     [along(region.x, region.width, u), along(region.y, region.height, v)]
 }
 
+/// Width of a clump of leaves, in radii of the crown.
+const CLUMP_WIDTH: f32 = 0.55;
+
 /// Grows a plant. Foliage reaches the top of the crown, and nothing of it leaves the crown.
 pub fn plant(form: &GrowthForm, envelope: &Envelope, pictures: &Pictures, random: &mut Random) -> Vec<Quad> {
     let stems = skeleton::grow(form, envelope, random);
@@ -34,7 +38,14 @@ pub fn plant(form: &GrowthForm, envelope: &Envelope, pictures: &Pictures, random
     for stem in &stems {
         wood(stem, envelope, pictures, &mut quads);
     }
-    let mut builder = Builder { envelope, pictures, quads };
+    let clumps = match form.foliage {
+        // A conifer's boughs are seen as they are.
+        Foliage::Sheets { .. } => None,
+        Foliage::Cards { .. } => {
+            Some(Clumps::new((random.unit() * 65_536.0) as u32, CLUMP_WIDTH * envelope.radius))
+        }
+    };
+    let mut builder = Builder { envelope, pictures, clumps, quads };
     for stem in stems.iter().filter(|stem| stem.bears) {
         match form.foliage {
             Foliage::Sheets { width, fold, curtain } => builder.sheets(stem, width, fold, curtain, random),
@@ -109,19 +120,25 @@ fn shade(envelope: &Envelope, place: Vec3) -> f32 {
 struct Builder<'a> {
     envelope: &'a Envelope,
     pictures: &'a Pictures,
+    /// Where leaves stand in clumps.
+    clumps: Option<Clumps>,
     quads: Vec<Quad>,
 }
 
 impl Builder<'_> {
     fn leaf_quad(&mut self, places: [Vec3; 4], region: &Region, uvs: [[f32; 2]; 4]) {
+        let middle = places.iter().sum::<Vec3>() / 4.0;
+        let clump = self.clumps.map_or(1.0, |clumps| clumps.at(middle));
+        let (reach, light) = (Clumps::reach(clump), Clumps::light(clump));
+        let centre = self.envelope.centre();
         let mut corners = [Corner::default(); 4];
         for (corner, (place, [u, v])) in corners.iter_mut().zip(places.into_iter().zip(uvs)) {
-            let place = self.envelope.pull_in(place);
+            let place = centre + (self.envelope.pull_in(place) - centre) * reach;
             *corner = Corner {
                 position: place.to_array(),
                 uv: uv_in(region, self.pictures.side, u, v),
                 normal: self.envelope.soft_normal(place).to_array(),
-                shade: shade(self.envelope, place),
+                shade: light * shade(self.envelope, centre + (place - centre) / reach),
                 foliage: 1.0,
             };
         }

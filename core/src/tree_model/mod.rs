@@ -24,6 +24,7 @@ pub mod quad;
 pub mod raster;
 
 mod boulder;
+mod clumps;
 mod geometry;
 mod growth;
 mod packing;
