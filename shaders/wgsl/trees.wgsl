@@ -10,9 +10,9 @@ const ALPHA_TEST: f32 = 0.5;
 // How far a hash moves that limit where texels are smaller than pixels.
 const ALPHA_HASH: f32 = 0.45;
 // How much of a tree's green is the ground's around it, the rest its species' own.
-const GROUND_TINT: f32 = 0.8;
+const GROUND_TINT: f32 = 0.95;
 // Leaves shade each other within what a model can show of them: share of their light that is left.
-const LEAF_LIGHT: f32 = 0.86;
+const LEAF_LIGHT: f32 = 0.78;
 
 // What a draw knows of its model.
 struct TreeDraw {

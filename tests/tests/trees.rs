@@ -200,6 +200,11 @@ fn the_list_is_the_same_twice_and_whatever_came_first() {
     again.settle(&view(camera), &Reordered { tiles: &tiles, count: Mutex::default() }).unwrap();
     assert_eq!(again.trees().unwrap(), first);
     let stats = again.engine.stats();
+    // One draw a species and level at most, and models of those species alone that are near.
+    assert!(stats.pipelines.contains(&"trees"));
+    assert_eq!(instances(&again.engine).unwrap().len(), 4 * table(&tiles).len());
+    let asked = tiles.asked("/trees/");
+    assert!(asked > 0 && asked <= 4 * table(&tiles).len(), "{asked} models");
     let seeds = stats.seeds.unwrap();
     assert_eq!(seeds.selected as usize, first.len());
     assert!(seeds.checked > seeds.selected, "{seeds:?}");
@@ -226,7 +231,7 @@ fn where_no_trees_are_wanted_or_near_nothing_is_asked_for_or_compiled() {
         assert!(!stats.pipelines.contains(&"select_trees") && !stats.pipelines.contains(&"trees"));
         assert!(!stats.tiles.contains_key("lcc"), "{:?}", stats.tiles);
     }
-    assert_eq!(tiles.asked("LAYERS=lcc"), 0);
+    assert_eq!((tiles.asked("LAYERS=lcc"), tiles.asked("/trees/")), (0, 0));
 }
 
 /// What the selection had bound, read from the router and from the frame.

@@ -251,3 +251,139 @@ pub fn select_trees<T: SeedTexels>(world: &SeedWorld<'_, T>, cells: &[SeedCell])
     }
     bins
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use treeline_core::seeds::pattern::LEVEL;
+
+    /// A wood on a plane, seen from its edge; `wall`: a surface before everything, metres from the eye.
+    struct Wood {
+        stand: Stand,
+        ground: i32,
+        wall: f32,
+    }
+
+    impl SeedTexels for Wood {
+        fn stand(&self, _slot: u32, _column: u32, _row: u32) -> Stand {
+            self.stand
+        }
+
+        fn anchor(&self, _slot: u32, column: u32, _row: u32) -> i32 {
+            // A cliff of 2 km in one cell.
+            if column < 64 { self.ground } else { self.ground.saturating_add(1 << 17) }
+        }
+
+        fn distance(&self, _x: u32, _y: u32) -> f32 {
+            self.wall
+        }
+
+        fn is_fine(&self, _x: u32, _y: u32) -> bool {
+            true
+        }
+    }
+
+    fn view() -> View {
+        View {
+            right: [0.6, 0.0, 0.0, 0.001],
+            up: [0.0, 0.0, 0.45, 30.0],
+            forward: [0.0, 1.0, 0.0, 4_000.0],
+            sun: [0.0, 0.0, 1.0, 6.37e6],
+            size: [640, 480],
+            scene_seed: 1,
+            ..View::default()
+        }
+    }
+
+    fn frame(row: u32) -> SeedFrame {
+        let latitude = (90.0 - 180.0 * (f64::from(row) + 0.5) / f64::from(1_u32 << LEVEL)).to_radians();
+        let side = |x: f32, y: f32, z: f32| {
+            let normal = Vec3::new(x, y, z).normalize();
+            [normal.x, normal.y, normal.z, 0.0]
+        };
+        SeedFrame {
+            eye: [latitude.sin() as f32, latitude.cos() as f32, 30.0, 6.38e6],
+            sides: [side(1.0, 0.6, 0.0), side(-1.0, 0.6, 0.0), side(0.0, 0.45, 1.0), side(0.0, 0.45, -1.0)],
+            level_pixels: [240.0, 80.0, 26.0, 0.0],
+            range: 1_000.0,
+            anchor_quantum: 1.0 / 64.0,
+            cells: 1,
+            blocks: 3,
+            species: 2,
+            cover_bits: 7,
+            tile_bits: 16,
+            anchor_bits: 7,
+            ..SeedFrame::default()
+        }
+    }
+
+    fn selected(wood: &Wood, species: &[Species], row: u32, south: i32) -> Vec<Vec<Selected>> {
+        let cell = SeedCell { cell: [4 * 9_000, row & !3], offset: [-8_000, south], ..SeedCell::default() };
+        let (view, frame) = (view(), frame(row));
+        select_trees(&SeedWorld { view: &view, frame: &frame, species, texels: wood }, &[cell])
+    }
+
+    fn count(bins: &[Vec<Selected>]) -> usize {
+        bins.iter().flatten().filter(|tree| !tree.second).count()
+    }
+
+    const CLOSED: Stand = Stand { species: 1, closure: 255, height: 0 };
+    const ROW: u32 = 40_000;
+
+    #[test]
+    fn trees_ahead_are_selected_and_those_behind_the_eye_or_a_wall_are_not() {
+        let species = Species::built_in();
+        let open = Wood { stand: CLOSED, ground: 0, wall: -1.0 };
+        let ahead = count(&selected(&open, &species, ROW, -30_000));
+        assert!(ahead > 50, "{ahead}");
+        assert_eq!(count(&selected(&open, &species, ROW, 30_000)), 0, "behind");
+        assert_eq!(count(&selected(&open, &species, ROW, -200_000)), 0, "beyond the range");
+        let walled = Wood { wall: 20.0, ..open };
+        // Tops off the picture count as visible.
+        assert!(count(&selected(&walled, &species, ROW, -30_000)) < ahead / 2);
+    }
+
+    #[test]
+    fn nothing_grows_on_voids_near_the_poles_or_for_unknown_species() {
+        let species = Species::built_in();
+        let wood = |stand, ground| Wood { stand, ground, wall: -1.0 };
+        assert_eq!(count(&selected(&wood(CLOSED, VOID), &species, ROW, -30_000)), 0);
+        assert_eq!(count(&selected(&wood(CLOSED, 0), &species, 0, -30_000)), 0);
+        let unknown = Stand { species: 200, ..CLOSED };
+        assert_eq!(count(&selected(&wood(unknown, 0), &species, ROW, -30_000)), 0);
+        assert_eq!(count(&selected(&wood(Stand { closure: 0, ..CLOSED }, 0), &species, ROW, -30_000)), 0);
+    }
+
+    #[test]
+    fn a_tiny_species_is_drawn_coarse_and_a_tree_in_a_cliff_stands_between_its_ends() {
+        let mut definition = Species::built_in()[0].definition.clone();
+        (definition.lowest_metres, definition.highest_metres, definition.tallest_metres) = (0.5, 0.5, 0.5);
+        let tiny = [Species::new(1, definition).unwrap()];
+        let wood = Wood { stand: CLOSED, ground: 0, wall: -1.0 };
+        let cell = SeedCell { cell: [4 * 9_000, ROW & !3], offset: [-8_000, -30_000], ..SeedCell::default() };
+        let (view, frame) = (view(), SeedFrame { species: 1, ..frame(ROW) });
+        let bins =
+            select_trees(&SeedWorld { view: &view, frame: &frame, species: &tiny, texels: &wood }, &[cell]);
+        assert!(count(&bins) > 50 && bins[0].is_empty() && bins[1].is_empty());
+        for tree in bins.iter().flatten() {
+            assert!((0..=1 << 17).contains(&tree.tree.ground) && tree.tree.height == 512);
+        }
+    }
+
+    #[test]
+    fn levels_get_coarser_with_distance_and_fade_without_a_gap() {
+        let (view, frame) = (view(), frame(ROW));
+        for bits in [0, 0x7f7f, u32::MAX] {
+            let (mut last, mut ended) = (0, false);
+            for step in 1..2_000 {
+                let levels = levels_of(&view, &frame, step as f32 * 0.5, 25.0, bits);
+                assert!(levels.level >= last && levels.own <= levels.both);
+                assert!(levels.level == last || levels.level == last + 1);
+                assert!(!ended || levels.both == 0.0, "it does not come back");
+                ended = levels.both == 0.0;
+                last = levels.level;
+            }
+            assert_eq!(levels_of(&view, &frame, 1_000.0, 25.0, bits).both, 0.0);
+        }
+    }
+}
