@@ -35,6 +35,8 @@ fn fly(base: &str, views: &[GeographicCamera], stream: StreamOptions) -> anyhow:
     let options = EngineOptions {
         stream: StreamOptions { fade_seconds: 0.0, ..stream },
         uploads_per_step: usize::MAX,
+        // As on a graphics card.
+        tree_metres: Some(1_000.0),
         ..EngineOptions::default()
     };
     let engine = Engine::new(headless::open(AdapterChoice::Software)?, tiles.scene()?, options)?;

@@ -1,7 +1,7 @@
 //! Billboard clouds: a model as a few planes with pictures.
 //!
 //! Made for plants. Foliage and wood apart: foliage (and the branches among it) gets planes that stand
-//! like a pinwheel round the trunk, turned until the farthest corner is nearer ([`polish`]), or those that [`hough`]
+//! like a pinwheel round the trunk, turned until the farthest corner is nearer ([`mod@polish`]), or those that [`mod@hough`]
 //! chooses greedily, where they are clearly nearer; one more is chosen for who looks down. Wood is a
 //! *cardboard* of two upright planes that cross in the trunk. A piece of the model is drawn on
 //! **all** planes that pass within ε of it, not only on the nearest, so that no gap opens where
