@@ -10,7 +10,7 @@ use std::sync::Arc;
 use treeline_core::codec::land_cover::{CodeBits, LandCoverTile, Step};
 use treeline_core::layer::Layer;
 use treeline_core::scene::SceneDescription;
-use treeline_core::tile::{CELLS, TileAddress, cell_metres};
+use treeline_core::tile::{CELLS, TileAddress};
 use treeline_server::config::Config;
 use treeline_server::http::router;
 use treeline_server::opening;
@@ -53,7 +53,7 @@ async fn a_place_has_one_class_on_every_level() {
         serde_json::from_slice(&get(&router, "/scene.json").await.body).unwrap();
     let levels = description.land_cover.unwrap();
     assert_eq!((levels.l0, levels.l2, levels.bits), (levels.l1 + 1, levels.l1 - 1, 16));
-    assert!(cell_metres(levels.l1) >= 15.0, "cells of the photo's pixels");
+    assert!(levels.l1 + 1 >= levels.anchor, "a tile carries no more than four anchors a cell");
     let bits = CodeBits::new(levels.bits).unwrap();
     let (longitude, latitude) = description.extent.centre();
     let middle = TileAddress::at(levels.l2, longitude, latitude);

@@ -416,7 +416,7 @@ fn scatter(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
     let own = u32(round(255.0 * levels.own));
     let both = u32(round(255.0 * levels.both));
     let lights = lights_of(cell, tree, placed, away);
-    let base = tree.rotation | ((tree.bits >> 16u) & 0xffu) << 8u;
+    let base = tree.rotation | (((tree.bits >> 16u) & 0xffu) << 8u);
     let seed_word = (seed.cell << 10u) | (seed.sub_cell.x << 5u) | seed.sub_cell.y;
     let foot = vec4<f32>(placed.foot, placed.height);
     let place = counts[((bins.x - 1u) * blocks) + seed.block] + before.x;
