@@ -21,7 +21,7 @@ const MOST_CELLS: usize = 1_024;
 /// Slots for land cover at most.
 const MOST_SLOTS: f64 = 24.0;
 /// Pixels from foot to top from which on a tree is drawn on the first, second and third level.
-const LEVEL_PIXELS: [f32; 4] = [240.0, 80.0, 26.0, 0.0];
+const LEVEL_PIXELS: [f32; 4] = [130.0, 50.0, 18.0, 0.0];
 /// What the cells' flat boxes and the trees' own size may be off, metres.
 const MARGIN_METRES: f64 = 3.0;
 

@@ -36,7 +36,7 @@ pub fn check(arguments: &ServeArguments) -> Result<(), UserError> {
     ) {
         (None, _) => "none: nothing says where trees are",
         (Some(_), true) => "from the sources above",
-        (Some(_), false) if facts.iter().any(|(role, _)| *role == "photo") => "by a rule on the photo",
+        (Some(_), false) if facts.iter().any(|(role, _)| *role == "photo") => "judged from the photo",
         (Some(_), false) => "made with the landscape",
     };
     lines.push(format!("  forest      {cover}"));
