@@ -52,7 +52,11 @@ pub fn choose(
     }
     scratch.clear();
     scratch.extend(list.current().iter().filter(|named| has(named.address)).map(|named| step(named, layer)));
-    scratch.sort_unstable_by(|a, b| b.worth.total_cmp(&a.worth).then_with(|| a.address.cmp(&b.address)));
+    // What is not sure to be needed is not asked for before all that is: it must not take the slots of that.
+    scratch.sort_unstable_by(|a, b| {
+        let order = b.sure.cmp(&a.sure).then_with(|| b.worth.total_cmp(&a.worth));
+        order.then_with(|| a.address.cmp(&b.address))
+    });
     for &Step { address, error, sure, .. } in scratch.iter() {
         // Until it comes, the finest that is there is drawn in its place, and so must stay.
         let stand_in = if layer.pool.is_known(&address) { None } else { layer.pool.nearest(address) };
@@ -60,6 +64,10 @@ pub fn choose(
         let missing = new.iter().flatten().filter(|(tile, ..)| !cut.nodes.contains_key(tile)).count();
         if cut.nodes.len() + missing > layer.capacity {
             cut.limited = true;
+            // What is drawn in its place stays where it can: given up, it would be asked for again at once.
+            if let Some((tile, _)) = stand_in.filter(|_| cut.nodes.len() < layer.capacity) {
+                cut.nodes.entry(tile).or_insert(CutNode { split: false, error: 0.0, sure: true });
+            }
             break;
         }
         for (tile, error, sure) in new.into_iter().flatten() {
@@ -163,6 +171,28 @@ mod tests {
         let cut = chosen(&pool, &list(&tiles), &[base], 8);
         assert!(cut.limited && cut.nodes.len() == 8);
         assert!(below[9..].iter().all(|tile| cut.nodes.contains_key(tile)));
+    }
+
+    #[test]
+    fn where_slots_run_out_nothing_comes_and_goes_for_ever() {
+        let base = TileAddress::at(1, 11.0, 47.0);
+        let deep: Vec<TileAddress> =
+            (0..24).map(|index| TileAddress::at(10, 2.0 + 3.6 * f64::from(index), 47.0)).collect();
+        let tiles: Vec<(TileAddress, u32)> =
+            deep.iter().copied().zip((1..).map(|index| 7 * index % 25)).collect();
+        for capacity in 2..40 {
+            let mut pool = Pool::new(capacity as u32);
+            hold(&mut pool, base);
+            let mut came = 0;
+            loop {
+                let cut = chosen(&pool, &list(&tiles), &[base], capacity);
+                let wanted: HashSet<TileAddress> = cut.nodes.keys().copied().collect();
+                let Some(next) = wanted.iter().filter(|tile| !pool.is_known(tile)).min() else { break };
+                assert_ne!(pool.place(*next, &wanted).0, crate::stream::residency::Placement::NoRoom);
+                came += 1;
+                assert!(came < 400, "{capacity} slots: it never ends");
+            }
+        }
     }
 
     #[test]
