@@ -113,6 +113,17 @@ impl TileAddress {
         Self { level, row: row.min(rows(level) - 1), column: column.min(columns(level) - 1) }
     }
 
+    /// Whether heights of this tile are left to a coarser one because a pole is near, where all columns of a level
+    /// meet: a ray that passes the axis would cross thousands of them.
+    pub fn crowds_a_pole(&self) -> bool {
+        const DEEPEST: u8 = 11;
+        // The tile's side away from the pole, in degrees from there. So far out, what is drawn finer than level 11
+        // is so near the eye that a ray crosses fewer of its columns than it does on level 11 at the pole.
+        const NEAR_DEGREES: f64 = 0.25;
+        let rows_out = self.row.min(rows(self.level) - 1 - self.row) + 1;
+        self.level > DEEPEST && f64::from(rows_out) * span_degrees(self.level) < NEAR_DEGREES
+    }
+
     /// The parent, or `None` on level 0.
     pub fn parent(&self) -> Option<Self> {
         (self.level > 0).then(|| Self { level: self.level - 1, row: self.row / 2, column: self.column / 2 })
@@ -172,6 +183,20 @@ mod tests {
         assert_eq!(TileAddress::at(3, 180.0, -90.0), TileAddress { level: 3, row: 7, column: 0 });
         assert_eq!(TileAddress::at(3, -180.0, 90.0), TileAddress { level: 3, row: 0, column: 0 });
         assert_eq!(TileAddress::at(0, f64::NAN, f64::NAN), TileAddress { level: 0, row: 0, column: 0 });
+    }
+
+    #[test]
+    fn heights_are_coarser_around_a_pole() {
+        for latitude in [-89.999, 89.95] {
+            let tile = TileAddress::at(11, 30.0, latitude);
+            assert!(!tile.crowds_a_pole() && tile.children().iter().all(TileAddress::crowds_a_pole));
+        }
+        for level in 0..=MAXIMUM_LEVEL {
+            assert!(!TileAddress::at(level, 30.0, 89.7).crowds_a_pole());
+            // What is left to a coarser tile is left to one that is not.
+            let tile = TileAddress::at(level, 30.0, -89.9);
+            assert!((0..=level).any(|level| !tile.ancestor(level).unwrap().crowds_a_pole()));
+        }
     }
 
     #[test]

@@ -12,7 +12,7 @@ fn shade_in_canopy(stand: Stand, height: f32, sun_rise: f32) -> f32 {
     let top = TALLEST_TREE - 0.1;
     let depth = saturate((top - height) / (top - CROWN_BASE));
     let slanting = 1.2 * stand.cover * (1.0 - CROWN_BASE) / (PI * stand.crown_radius);
-    return slanting * depth * depth / max(sun_rise, 0.05);
+    return slanting * depth * depth / max(sun_rise, 0.6);
 }
 
 // Share of sunlight that comes down to a height. What an eye with the sun behind it sees, the sun sees too.

@@ -2,7 +2,8 @@
 // followed through the trees that stand there, the same ones as near the eye. Twin: `twin/crowns.rs`.
 //
 // Which species grows and how densely only the land cover says, which is not read here. Assumed are the
-// scene's typical crown, and from the canopy's mean height a stand that is lower and thinner at once.
+// scene's typical crown, and from the canopy's mean height a stand that is lower and thinner at once where the ground is
+// forest, and hardly lower but far thinner where single trees stand on open ground.
 
 // Rows of sub-cells that a ray is followed through at most.
 const CROWN_ROWS: i32 = 8;
@@ -57,12 +58,13 @@ struct CrownHit {
     tone: f32,
 }
 
-// The stand of a mean canopy height, metres.
-fn stand_of(canopy_height: f32) -> Stand {
+// The stand of a mean canopy height, metres. `closed`: share of the ground that is forest rather than open.
+fn stand_of(canopy_height: f32, closed: f32) -> Stand {
     let typical = view.tree_size.x;
     let share_of_closed = max(canopy_height / (CLOSED_CANOPY * typical), 1e-3);
-    let height = typical * clamp(pow(share_of_closed, 0.65), 0.3, 1.6);
-    let closure = min(pow(share_of_closed, 0.35), 1.0);
+    let lower = mix(0.15, 0.35, closed);
+    let height = typical * clamp(pow(share_of_closed, lower), 0.3, 1.6);
+    let closure = min(pow(share_of_closed, 1.0 - lower), 1.0);
     // Lower stands are denser, as their crowns are narrower.
     let share = min(CLOSED_SHARE * closure * typical / height, 65536.0);
     let radius = view.tree_size.y * height;

@@ -6,6 +6,9 @@ const CROWN_CELLS: f32 = 1.8;
 // Pixels' footprints between which crowns give way to their mean, in widths of a crown.
 const CROWN_FADE: vec2<f32> = vec2<f32>(0.4, 1.0);
 
+// Crowns' area over the ground's between which the ground is no longer seen in the light.
+const OPEN_COVER: vec2<f32> = vec2<f32>(0.3, 1.0);
+
 // A point of a forest, and what is known of it.
 struct ForestPoint {
     cell: vec2<f32>,
@@ -16,6 +19,8 @@ struct ForestPoint {
     cell_metres: vec2<f32>,
     // Height of the canopy over the ground, metres.
     canopy_height: f32,
+    // Share of the ground that is forest, rather than open with single trees on it.
+    closed: f32,
     // Rise per metre east and south of the surface drawn.
     slope: vec2<f32>,
     // The view ray's and the sun's unit direction: east, south, up.
@@ -29,15 +34,15 @@ struct ForestPoint {
     wide_normal: vec3<f32>,
 }
 
-// Radiance of a forest whose photo, where there is one, has a colour.
-fn forest_radiance(point: ForestPoint, ground: Ground, lit: Lit, colour: vec3<f32>) -> vec3<f32> {
+// Radiance of a forest whose photo, where there is one, has a colour; and the share of the pixel that it fills.
+fn forest_radiance(point: ForestPoint, ground: Ground, lit: Lit, colour: vec3<f32>) -> vec4<f32> {
     // No two stands are of one green.
     let stand_tint = metric_noise(ground, 30.0, point.footprint, 26u) + metric_noise(ground, 90.0, point.footprint, 27u);
     let leaf = forest_reflectance(colour);
     if point.cell_metres.y > CROWN_CELLS {
         return far_forest(point, ground, lit, leaf, stand_tint);
     }
-    return near_forest(point, ground, lit, leaf * (1.0 + 0.10 * stand_tint));
+    return vec4<f32>(near_forest(point, ground, lit, leaf * (1.0 + 0.10 * stand_tint)), point.closed);
 }
 
 // The heights hold every crown.
@@ -59,8 +64,8 @@ fn near_forest(point: ForestPoint, ground: Ground, lit: Lit, leaf: vec3<f32>) ->
 }
 
 // The heights hold the canopy's mean.
-fn far_forest(point: ForestPoint, ground: Ground, lit: Lit, leaf: vec3<f32>, stand_tint: f32) -> vec3<f32> {
-    let stand = stand_of(point.canopy_height);
+fn far_forest(point: ForestPoint, ground: Ground, lit: Lit, leaf: vec3<f32>, stand_tint: f32) -> vec4<f32> {
+    let stand = stand_of(point.canopy_height, point.closed);
     // Light over the ground's own plane.
     let level_sun = length(point.toward_sun.xy);
     let sun_rise = (point.toward_sun.z - dot(point.slope, point.toward_sun.xy)) / max(level_sun, 0.05);
@@ -78,6 +83,11 @@ fn far_forest(point: ForestPoint, ground: Ground, lit: Lit, leaf: vec3<f32>, sta
     var light = mean_crown_light(forest_lit.normal, stand, mean_height, sun_rise, sun_behind);
     var tint = 1.0 + 0.10 * stand_tint;
     let width = 2.0 * stand.crown_radius * stand.height;
+    // Crowns over the ground, each as long as its side shows: single trees, too, are seen before the open ground.
+    let side = (1.0 - CROWN_BASE) / (PI * stand.crown_radius * ray_fall);
+    // In an open stand the light reaches the ground between them.
+    let gap = point.closed * smoothstep(OPEN_COVER.x, OPEN_COVER.y, stand.cover);
+    var share = max(gap, 1.0 - exp(-stand.cover * max(0.5 + side, 1.0)));
     var shown = 1.0 - smoothstep(CROWN_FADE.x, CROWN_FADE.y, point.footprint / width);
     if shown > 0.0 {
         let unit_metres = exp2(f32(view.root_level) - 5.0) / ground.units_per_metre;
@@ -96,6 +106,7 @@ fn far_forest(point: ForestPoint, ground: Ground, lit: Lit, leaf: vec3<f32>, sta
         } else if hit.cut_short {
             shown = 0.0;
         }
+        share = mix(share, select(gap, 1.0, hit.found), shown);
         var seen = crown_light(crown_lit, saturate(height));
         let sunlit = light_into_canopy(stand, height, sun_rise, sun_behind);
         seen.direct *= sunlit;
@@ -108,5 +119,5 @@ fn far_forest(point: ForestPoint, ground: Ground, lit: Lit, leaf: vec3<f32>, sta
     }
     // Where no crown is seen, groups of them still stand higher and lower: light and shade a stand wide.
     light.direct *= 1.0 + 0.3 * (1.0 - shown) * stand_tint;
-    return canopy_radiance(forest_lit, leaf * tint, light);
+    return vec4<f32>(canopy_radiance(forest_lit, leaf * tint, light), share);
 }

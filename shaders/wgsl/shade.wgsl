@@ -147,15 +147,18 @@ fn shaded_ground(direction: vec3<f32>, distance: f32, hit: vec4<u32>, dither: f3
     }
     if WITH_CANOPY {
         let forest = max(cover.canopy, smoothstep(0.5, 3.0, cover.canopy_height));
-        if forest > 0.0 {
+        // Where cells are long, single trees raise their mean by little, and still are seen.
+        let grows = select(forest, cover.canopy_height - 0.06, cell_metres.y > CROWN_CELLS);
+        if max(forest, grows) > 0.0 {
             let radius = clamp(round(3.0 / cell_metres.y), 1.0, 4.0);
             let wide = normal_of(frame, slope_at(cell, slot, max(reach, i32(radius) + 1)));
             let point = ForestPoint(
-                cell, slot, footprint, cell_metres, cover.canopy_height, slope / cell_metres,
+                cell, slot, footprint, cell_metres, cover.canopy_height, forest, slope / cell_metres,
                 vec3<f32>(dot(direction, frame.u) * cell_metres.x, dot(direction, frame.v) * cell_metres.y, dot(direction, frame.h)),
                 toward, normalize(frame.u), normalize(frame.v), normal, wide,
             );
-            radiance = mix(radiance, forest_radiance(point, ground, lit, base), forest);
+            let seen = forest_radiance(point, ground, lit, base);
+            radiance = mix(radiance, seen.rgb, seen.a);
         }
     }
     if WITH_WATER {

@@ -4,7 +4,7 @@
 override COUNT_FETCHES: bool = true;
 
 // Bounds that only a defect, or a ray that grazes one edge for thousands of kilometres, could reach.
-const LEAF_LIMIT: u32 = 1024u;
+const LEAF_LIMIT: u32 = 4096u;
 const SEGMENT_LIMIT: u32 = 256u;
 // A ray goes on by at least this, relative and in metres, from leaf to leaf: where two frames disagree about
 // an edge by a hair, they cannot send it to and fro.

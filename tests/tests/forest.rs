@@ -152,7 +152,7 @@ fn ask(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let question = questions[id.x];
-    let stand = stand_of(question.height);
+    let stand = stand_of(question.height, 1.0);
     let place = place_of_grid(question.unit);
     let ray = CanopyRay(place, question.height, question.along, question.fall, vec2<f32>(0.0064, 0.00933));
     let hit = first_crown(ray, stand);
@@ -221,7 +221,7 @@ fn crowns_agree_with_the_twins() {
         let answers: Vec<CrownAnswer> = ask(&text, &view, &questions);
         let (mut crowns, mut apart) = (0, 0);
         for (question, answer) in questions.iter().zip(&answers) {
-            let stand = stand_of(&view, question.height);
+            let stand = stand_of(&view, question.height, 1.0);
             let ray = CanopyRay {
                 place: place_of_grid(&view, UVec2::from(question.unit)),
                 height: question.height,

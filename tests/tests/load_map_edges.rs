@@ -70,19 +70,26 @@ fn over_a_pole_a_view_settles_without_a_hole() {
         hills(metres * sine, metres * cosine, [1.0, 1.0])
     });
     let mut surveyor = Surveyor::new(&server.url("")).unwrap();
-    let view = camera(10.0, -89.995, 3_500.0, 45.0, -50.0);
-    let sight = surveyor.look(view).unwrap();
-    println!(
-        "{view:?}: {} needed, {} named, threshold {}, {} misses",
-        sight.needed.len(),
-        sight.named.len(),
-        sight.threshold,
-        sight.misses
-    );
-    // Only rays that pass within some metres of the axis, through more columns than a ray is followed through.
-    let rays = 16 * SIZE[0] * SIZE[1];
-    assert!(sight.misses as f64 <= 1e-4 * f64::from(rays), "{view:?}: {} holes", sight.misses);
-    // On level L all 2^(L+1) columns meet there, more than any map or memory holds: near the eye tiles are named as
-    // they are wanted, elsewhere coarser ones, or those that stand in.
-    assert!(sight.named.len() >= 64, "{} tiles", sight.named.len());
+    // One after the other: what stands in the slots from the last view must not keep the next from settling.
+    for view in [
+        camera(-179.99, -89.97, 2_600.0, 180.0, -35.0),
+        camera(10.0, -89.995, 3_500.0, 45.0, -50.0),
+        // On the axis itself, looking down it.
+        camera(-100.0, -90.0, 5_700.0, 90.0, -90.0),
+    ] {
+        let sight = surveyor.look(view).unwrap();
+        println!(
+            "{view:?}: {} needed, {} named, threshold {}, {} misses",
+            sight.needed.len(),
+            sight.named.len(),
+            sight.threshold,
+            sight.misses
+        );
+        // Only rays that pass within some metres of the axis, through more columns than a ray is followed through.
+        let rays = 16 * SIZE[0] * SIZE[1];
+        assert!(sight.misses as f64 <= 2e-4 * f64::from(rays), "{view:?}: {} holes", sight.misses);
+        // On level L all 2^(L+1) columns meet there, more than any map or memory holds: near the eye tiles are named
+        // as they are wanted, elsewhere coarser ones, or those that stand in.
+        assert!(sight.named.len() >= 16, "{} tiles", sight.named.len());
+    }
 }

@@ -6,7 +6,6 @@ use super::tile_choice::cpu::HeightRange;
 use super::tree_field::{SeedFrameCells, TreeField, with_neighbours};
 use super::view::ViewGeometry;
 use super::{Stream, place};
-use std::collections::HashMap;
 use treeline_core::tile::TileAddress;
 
 /// How much land cover at the eye is wanted, as pixels, and the distance at which half as much, metres.
@@ -74,6 +73,6 @@ impl Stream {
             layer.pool.insert_empty(key.address);
             return None;
         }
-        place(layer, key.address, &mut HashMap::new())
+        place(layer, key.address).0
     }
 }

@@ -16,6 +16,7 @@ pub mod residency;
 pub mod root_grid;
 pub mod tile_choice;
 pub mod tree_field;
+mod turns;
 pub mod view;
 
 #[cfg(test)]
@@ -24,6 +25,7 @@ pub(crate) mod simulation;
 use crate::passes::compress_photo::PhotoFormat;
 use decode::ElevationSummary;
 use glam::DVec3;
+use load_map::lists::TileList;
 use load_map::stack::{Stack, StackOptions};
 use load_map::threshold::Threshold;
 use load_map::{Analysis, Depths, Reading};
@@ -40,6 +42,7 @@ use treeline_core::hash::hash;
 use treeline_core::layer::Layer;
 use treeline_core::scene::SceneDescription;
 use treeline_core::tile::{GeographicBox, TileAddress};
+use turns::Turns;
 use view::{ViewGeometry, Volume};
 
 /// Which elevation is drawn.
@@ -108,6 +111,7 @@ struct MapChoice {
     /// The scene's seed, where it has vegetation.
     vegetation: Option<u32>,
     threshold: Threshold,
+    turns: Turns,
     texel_pixels: f64,
     scratch: Vec<tile_choice::load_map::Step>,
 }
@@ -129,6 +133,8 @@ struct LayerStream {
     cell_pixels: f64,
     pool: Pool,
     cut: Cut,
+    /// Base tiles that are wanted whatever the map says.
+    pinned: usize,
 }
 
 /// What is known of a square.
@@ -220,6 +226,7 @@ impl Stream {
             cell_pixels: options.cell_pixels,
             pool: Pool::new(slots.elevation),
             cut: Cut::default(),
+            pinned: base.len(),
         };
         let texture = photo.zip(photo_base).map(|(row, base)| LayerStream {
             layer: Layer::Texture,
@@ -229,6 +236,7 @@ impl Stream {
             cell_pixels: options.texel_pixels,
             pool: Pool::new(slots.texture),
             cut: Cut::default(),
+            pinned: 0,
         });
         let land_cover = field.map(|field| {
             let layer = LayerStream {
@@ -239,6 +247,7 @@ impl Stream {
                 cell_pixels: options.cell_pixels,
                 pool: Pool::new(slots.land_cover),
                 cut: Cut::default(),
+                pinned: 0,
             };
             (field, layer)
         });
@@ -254,6 +263,7 @@ impl Stream {
                 deepest: elevation.maximum_level.max(depths.texture.unwrap_or(0)),
                 vegetation: depths.land_cover.map(|_| scene.seed),
                 threshold: Threshold::default(),
+                turns: Turns::default(),
                 texel_pixels: options.texel_pixels,
                 scratch: Vec::new(),
             }
@@ -341,7 +351,12 @@ impl Stream {
             capacity: layer.pool.capacity(),
             lowest_height: self.heights.0,
         };
-        cpu::choose(view, &limits, |address| self.range(address, &layer.extent))
+        cpu::choose(view, &limits, |address| {
+            if layer.layer.is_elevation() && address.crowds_a_pole() {
+                return HeightRange::Empty;
+            }
+            self.range(address, &layer.extent)
+        })
     }
 
     fn choose_by_map(&mut self, map: &mut MapChoice, seen: Option<&[TileAddress]>) {
@@ -355,11 +370,9 @@ impl Stream {
         let Some(layer) = &mut self.texture else { return };
         let mut cut = std::mem::take(&mut layer.cut);
         let (extent, pool) = (layer.extent, &layer.pool);
-        let chosen = tile_choice::load_map::Layer {
-            base: seen.unwrap_or(&layer.base),
-            pool,
-            capacity: pool.capacity(),
-        };
+        let base = seen.unwrap_or(&layer.base);
+        layer.pinned = base.len();
+        let chosen = tile_choice::load_map::Layer { base, pool, capacity: pool.capacity() };
         let has = |address: TileAddress| extent.intersects(&address.bounds());
         tile_choice::load_map::choose(&mut cut, &map.analysis.texture, &chosen, &mut map.scratch, has);
         layer.cut = cut;
@@ -394,6 +407,9 @@ impl Stream {
         let (elevation, texture) = (&self.elevation.pool, self.texture.as_ref().map(|layer| &layer.pool));
         let has_elevation = |address: &TileAddress| elevation.is_known(address);
         let has_texture = |address: &TileAddress| texture.is_some_and(|pool| pool.is_known(address));
+        if moves {
+            map.turns = Turns::default();
+        }
         map.analysis.read(now, stack, reading, moves, [&has_texture, &has_elevation]);
         self.choose(view);
         let (crowding, complete) = (self.crowding(), self.has_all());
@@ -425,12 +441,14 @@ impl Stream {
     /// Tiles wanted over slots, of the layer where it is largest.
     fn crowding(&self) -> f64 {
         let Some(map) = &self.map else { return 0.0 };
-        let share = |wanted: usize, layer: &LayerStream| {
-            (wanted + layer.base.len().min(PINNED_TEXTURES)) as f64 / layer.pool.capacity() as f64
+        let share = |list: &TileList, layer: &LayerStream| {
+            let base = layer.base.first().map_or(0, |tile| tile.level);
+            let below = list.current().iter().filter(|named| named.address.level > base).count();
+            (below + layer.pinned) as f64 / layer.pool.capacity() as f64
         };
-        let elevation = share(map.analysis.elevation.current().len(), &self.elevation);
+        let elevation = share(&map.analysis.elevation, &self.elevation);
         let texture = self.texture.as_ref();
-        texture.map_or(0.0, |layer| share(map.analysis.texture.current().len(), layer)).max(elevation)
+        texture.map_or(0.0, |layer| share(&map.analysis.texture, layer)).max(elevation)
     }
 
     /// The tiles of the ground in sight by the last map, each on the level that it wants.
@@ -461,7 +479,7 @@ impl Stream {
             .map(|(volume, root)| (volume.distance(view), root))
             .collect();
         seen.sort_by(|a, b| a.0.total_cmp(&b.0).then_with(|| a.1.cmp(&b.1)));
-        seen.truncate(layer.pool.capacity() / 2);
+        seen.truncate(layer.pool.capacity() / 4);
         seen.into_iter().map(|(_, root)| root).collect()
     }
 
@@ -575,15 +593,32 @@ impl Stream {
             self.elevation.pool.insert_empty(key.address);
             return None;
         }
-        let slot = place(&mut self.elevation, key.address, &mut self.summaries)?;
-        self.summaries.insert(key.address, summary);
-        Some(slot)
+        let (slot, evicted) = place(&mut self.elevation, key.address);
+        if let Some(evicted) = evicted {
+            self.summaries.remove(&evicted);
+        }
+        self.count_turn(key, evicted);
+        if slot.is_some() {
+            self.summaries.insert(key.address, summary);
+        }
+        slot
     }
 
     /// Finds a slot for a photo tile that has come; `None` where there is no room.
     pub fn place_texture(&mut self, key: TileKey) -> Option<u32> {
         self.arrived.remove(&key);
-        place(self.texture.as_mut()?, key.address, &mut HashMap::new())
+        let (slot, evicted) = place(self.texture.as_mut()?, key.address);
+        self.count_turn(key, evicted);
+        slot
+    }
+
+    /// A tile has come, and another may have made room for it.
+    fn count_turn(&mut self, key: TileKey, evicted: Option<TileAddress>) {
+        let Some(map) = &mut self.map else { return };
+        let evicted = evicted.map(|address| TileKey { address, ..key });
+        if map.turns.count(key, evicted) {
+            map.threshold.takes_turns();
+        }
     }
 
     /// Whether a tile that has come is still wanted.
@@ -721,20 +756,13 @@ impl Stream {
     }
 }
 
-/// Places a tile and drops what is known of the one that made room.
-fn place(
-    layer: &mut LayerStream,
-    address: TileAddress,
-    summaries: &mut HashMap<TileAddress, ElevationSummary>,
-) -> Option<u32> {
+/// Places a tile; answers its slot, and the tile that made room.
+fn place(layer: &mut LayerStream, address: TileAddress) -> (Option<u32>, Option<TileAddress>) {
     // Roots out of sight (of a planet, or around a pole) are not among them: they may make room.
     let wanted: HashSet<TileAddress> = layer.cut.nodes.keys().copied().collect();
     let (placement, evicted) = layer.pool.place(address, &wanted);
-    if let Some(evicted) = evicted {
-        summaries.remove(&evicted);
-    }
     match placement {
-        Placement::Slot(slot) => Some(slot),
-        Placement::NoRoom => None,
+        Placement::Slot(slot) => (Some(slot), evicted),
+        Placement::NoRoom => (None, evicted),
     }
 }

@@ -9,6 +9,10 @@ use treeline_core::tile::GeographicBox;
 /// culling with it never removes what can be seen.
 const LARGEST_RADIUS_METRES: f64 = 6_400_000.0;
 
+/// No eye is nearer to a pole than this, degrees of latitude (11 m): on the axis a metre is any number of degrees of
+/// longitude, and rays down the axis would lose their place.
+const FARTHEST_LATITUDE: f64 = 90.0 - 1e-4;
+
 /// A camera with its picture's size.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ViewGeometry {
@@ -35,8 +39,10 @@ pub struct ViewGeometry {
 }
 
 impl ViewGeometry {
-    /// Of a checked camera and a picture of at least one pixel.
+    /// Of a checked camera and a picture of at least one pixel. An eye over a pole is moved off it by 11 m.
     pub fn new(camera: &GeographicCamera, width: u32, height: u32) -> Self {
+        let lat = camera.lat.clamp(-FARTHEST_LATITUDE, FARTHEST_LATITUDE);
+        let camera = &GeographicCamera { lat, ..*camera };
         let (width, height) = (width.max(1), height.max(1));
         let eye = camera.place();
         let axes = camera.enu_from_view();

@@ -34,7 +34,7 @@ pub fn shade_in_canopy(stand: &Stand, height: f32, sun_rise: f32) -> f32 {
     let top = TALLEST_TREE - 0.1;
     let depth = ((top - height) / (top - CROWN_BASE)).clamp(0.0, 1.0);
     let slanting = 1.2 * stand.cover * (1.0 - CROWN_BASE) / (PI * stand.crown_radius);
-    slanting * depth * depth / sun_rise.max(0.05)
+    slanting * depth * depth / sun_rise.max(0.6)
 }
 
 /// Share of sunlight that comes down to a height.
@@ -98,7 +98,7 @@ mod tests {
     /// What the rays of a fall and a heading see of a stand on level ground: height and normal, where no
     /// crown is met the shade below. Rays that were not followed to the ground are left out.
     fn seen(view: &View, canopy_height: f32, fall: f32, heading: f32) -> Vec<(f32, Vec3)> {
-        let stand = stand_of(view, canopy_height);
+        let stand = stand_of(view, canopy_height, 1.0);
         (0..RAYS)
             .filter_map(|index| {
                 let at = |base: f64| ((f64::from(index) * base).fract() * 60_000.0) as u32;
@@ -127,7 +127,7 @@ mod tests {
         let view = view();
         let (mut worst, mut sum, mut count) = (0.0_f32, 0.0, 0.0);
         for canopy_height in [6.0, 9.0, 12.0] {
-            let stand = stand_of(&view, canopy_height);
+            let stand = stand_of(&view, canopy_height, 1.0);
             for (fall, heading) in FALLS.into_iter().zip([0.2_f32, 1.4, 2.9, 4.1, 5.3, 0.8]) {
                 let seen = seen(&view, canopy_height, fall, heading);
                 assert!(seen.len() * 2 > RAYS as usize, "{} rays of fall {fall}", seen.len());
@@ -183,7 +183,7 @@ mod tests {
 
     #[test]
     fn an_eye_with_the_sun_behind_it_sees_no_shade() {
-        let stand = stand_of(&view(), 10.0);
+        let stand = stand_of(&view(), 10.0, 1.0);
         assert_eq!(light_into_canopy(&stand, 0.5, 0.8, 1.0), 1.0);
         let (low, high) =
             (light_into_canopy(&stand, 0.5, 0.2, 0.0), light_into_canopy(&stand, 0.5, 2.0, 0.0));

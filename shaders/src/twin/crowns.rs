@@ -67,12 +67,13 @@ pub struct CrownHit {
     pub tone: f32,
 }
 
-/// The stand of a mean canopy height, metres.
-pub fn stand_of(view: &View, canopy_height: f32) -> Stand {
+/// The stand of a mean canopy height, metres. `closed`: share of the ground that is forest rather than open.
+pub fn stand_of(view: &View, canopy_height: f32, closed: f32) -> Stand {
     let typical = view.tree_size[0];
     let share_of_closed = (canopy_height / (CLOSED_CANOPY * typical)).max(1e-3);
-    let height = typical * share_of_closed.powf(0.65).clamp(0.3, 1.6);
-    let closure = share_of_closed.powf(0.35).min(1.0);
+    let lower = 0.15 + 0.2 * closed;
+    let height = typical * share_of_closed.powf(lower).clamp(0.3, 1.6);
+    let closure = share_of_closed.powf(1.0 - lower).min(1.0);
     let share = (CLOSED_SHARE * closure * typical / height).min(65_536.0);
     let radius = view.tree_size[1] * height;
     let sub_cell = PLACE_UNIT * CELL_UNITS as f32 / ROWS as f32;

@@ -10,7 +10,7 @@ use crate::layout::{EMPTY, LEAF_BIT, ROOT_BITS, View};
 use glam::{IVec2, UVec2, Vec2, Vec3, Vec4, Vec4Swizzles};
 
 /// Leaves that a ray may visit.
-pub const LEAF_LIMIT: u32 = 1024;
+pub const LEAF_LIMIT: u32 = 4096;
 /// Segments of a ray within a leaf.
 pub const SEGMENT_LIMIT: u32 = 256;
 const LEAST_ADVANCE: Vec2 = Vec2::new(2.4e-7, 1.0e-5);

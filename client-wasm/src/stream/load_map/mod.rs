@@ -123,7 +123,10 @@ impl Analysis {
         }
         // Heights do not blend: only the photo wants the coarser level too.
         let level = address.level.saturating_sub(self.depths.elevation_coarser);
-        let elevation = address.ancestor(level.min(self.depths.elevation));
+        let mut elevation = address.ancestor(level.min(self.depths.elevation));
+        while elevation.is_some_and(|tile| tile.crowds_a_pole()) {
+            elevation = elevation.and_then(|tile| tile.parent());
+        }
         if let Some(elevation) = elevation.filter(|_| word & (WANTED | AHEAD) != 0) {
             self.elevation.name(elevation, pixels, ahead, now);
         }

@@ -30,6 +30,14 @@ impl Threshold {
         STEP.powi(self.steps)
     }
 
+    /// Tiles take turns in the same slots at rest: what each map names depends on which of them is drawn. This
+    /// threshold is too fine, and is not tried again before the camera moves.
+    pub fn takes_turns(&mut self) {
+        self.too_fine = Some(self.steps);
+        self.tries = false;
+        self.steps = (self.steps + 1).min(MOST_STEPS);
+    }
+
     /// Judges a map that was made with this threshold. `crowding`: tiles wanted over slots; `moves`: the camera
     /// moves; `complete`: all that is wanted has come.
     pub fn judge(&mut self, crowding: f64, moves: bool, complete: bool) {
@@ -91,6 +99,16 @@ mod tests {
             threshold.judge(0.1, true, false);
         }
         assert_eq!(threshold.factor(), 1.0);
+    }
+
+    #[test]
+    fn what_took_turns_is_not_tried_again_before_the_camera_moves() {
+        let mut threshold = Threshold { steps: 3, ..Threshold::default() };
+        threshold.takes_turns();
+        threshold.judge(0.4, false, true);
+        assert_eq!(threshold.steps, 4);
+        threshold.judge(0.4, true, true);
+        assert_eq!(threshold.steps, 3);
     }
 
     #[test]

@@ -17,6 +17,8 @@ const AHEAD_WEIGHT: f64 = 0.05;
 #[derive(Clone, Copy, Debug)]
 pub struct Step {
     address: TileAddress,
+    /// What is wanted in the end; the same, or below it.
+    wanted: TileAddress,
     /// What it would matter if nothing at all had come: says who stays where slots run out. It does not change with
     /// what comes, or tiles would push each other out for ever.
     worth: f64,
@@ -24,6 +26,13 @@ pub struct Step {
     error: f64,
     /// [`CutNode::sure`].
     sure: bool,
+}
+
+impl Step {
+    /// Until the tile comes, the finest that is there is drawn in its place, and so must stay.
+    fn stand_in(&self, pool: &Pool) -> Option<TileAddress> {
+        if pool.is_known(&self.address) { None } else { pool.nearest(self.address).map(|(tile, _)| tile) }
+    }
 }
 
 /// What a layer may ask for.
@@ -55,25 +64,39 @@ pub fn choose(
     // What is not sure to be needed is not asked for before all that is: it must not take the slots of that.
     scratch.sort_unstable_by(|a, b| {
         let order = b.sure.cmp(&a.sure).then_with(|| b.worth.total_cmp(&a.worth));
-        order.then_with(|| a.address.cmp(&b.address))
+        order.then_with(|| a.wanted.cmp(&b.wanted))
     });
-    for &Step { address, error, sure, .. } in scratch.iter() {
-        // Until it comes, the finest that is there is drawn in its place, and so must stay.
-        let stand_in = if layer.pool.is_known(&address) { None } else { layer.pool.nearest(address) };
-        let new = [Some((address, error, sure)), stand_in.map(|(tile, _)| (tile, 0.0, true))];
-        let missing = new.iter().flatten().filter(|(tile, ..)| !cut.nodes.contains_key(tile)).count();
-        if cut.nodes.len() + missing > layer.capacity {
+    let mut promised = cut.nodes.len();
+    let mut admitted = 0;
+    for step in scratch.iter() {
+        let &Step { address, error, sure, .. } = step;
+        let stand_in = step.stand_in(layer.pool);
+        let new = [Some((address, error, sure)), stand_in.map(|tile| (tile, 0.0, true))];
+        // On the way down each tile will need a slot of its own beside the one that is drawn meanwhile, whatever it
+        // shares now. What is promised shrinks as tiles come: who is in stays in, and others follow.
+        promised += match stand_in {
+            Some(_) if address != step.wanted => 2,
+            _ => new.iter().flatten().filter(|(tile, ..)| !cut.nodes.contains_key(tile)).count(),
+        };
+        if promised > layer.capacity {
             cut.limited = true;
-            // What is drawn in its place stays where it can: given up, it would be asked for again at once.
-            if let Some((tile, _)) = stand_in.filter(|_| cut.nodes.len() < layer.capacity) {
-                cut.nodes.entry(tile).or_insert(CutNode { split: false, error: 0.0, sure: true });
-            }
             break;
         }
+        admitted += 1;
         for (tile, error, sure) in new.into_iter().flatten() {
             let node = cut.nodes.entry(tile).or_insert(CutNode { split: false, error, sure });
             node.error = node.error.max(error);
             node.sure |= sure;
+        }
+    }
+    // What is drawn in place of the rest stays as long as there is room.
+    for step in &scratch[admitted..] {
+        if cut.nodes.len() >= layer.capacity {
+            break;
+        }
+        let drawn = layer.pool.resident(&step.address).map(|_| step.address);
+        if let Some(tile) = drawn.or_else(|| step.stand_in(layer.pool)) {
+            cut.nodes.entry(tile).or_insert(CutNode { split: false, error: 0.0, sure: true });
         }
     }
     mark_split(cut, scratch);
@@ -93,6 +116,7 @@ fn step(named: &Named, layer: &Layer<'_>) -> Step {
     let level = if known { wanted.level } else { wanted.level.min(drawn.saturating_add(LEVELS_AT_ONCE)) };
     Step {
         address: wanted.ancestor(level).unwrap_or(wanted),
+        wanted,
         worth: pixels * too_coarse(layer.base.first().map_or(0, |tile| tile.level)),
         error: pixels * too_coarse(drawn),
         sure: named.pixels > 0 || named.ahead,
@@ -102,7 +126,13 @@ fn step(named: &Named, layer: &Layer<'_>) -> Step {
 /// Marks the tiles that have others below them.
 fn mark_split(cut: &mut Cut, scratch: &mut Vec<Step>) {
     scratch.clear();
-    scratch.extend(cut.nodes.keys().map(|&address| Step { address, worth: 0.0, error: 0.0, sure: true }));
+    scratch.extend(cut.nodes.keys().map(|&address| Step {
+        address,
+        wanted: address,
+        worth: 0.0,
+        error: 0.0,
+        sure: true,
+    }));
     for &Step { address, .. } in scratch.iter() {
         let mut next = address.parent();
         while let Some(ancestor) = next {
@@ -121,6 +151,8 @@ fn mark_split(cut: &mut Cut, scratch: &mut Vec<Step>) {
 mod tests {
     use super::*;
     use crate::stream::load_map::lists::Hold;
+    use crate::stream::residency::Placement;
+    use proptest::prelude::*;
     use std::collections::HashSet;
 
     fn chosen(pool: &Pool, list: &TileList, base: &[TileAddress], capacity: usize) -> Cut {
@@ -173,24 +205,38 @@ mod tests {
         assert!(below[9..].iter().all(|tile| cut.nodes.contains_key(tile)));
     }
 
-    #[test]
-    fn where_slots_run_out_nothing_comes_and_goes_for_ever() {
-        let base = TileAddress::at(1, 11.0, 47.0);
-        let deep: Vec<TileAddress> =
-            (0..24).map(|index| TileAddress::at(10, 2.0 + 3.6 * f64::from(index), 47.0)).collect();
-        let tiles: Vec<(TileAddress, u32)> =
-            deep.iter().copied().zip((1..).map(|index| 7 * index % 25)).collect();
-        for capacity in 2..40 {
+    proptest! {
+        /// Whatever stands in the slots from the view before, and whoever comes first: it ends.
+        #[test]
+        fn where_slots_run_out_nothing_comes_and_goes_for_ever(
+            capacity in 4_usize..40,
+            pixels in proptest::collection::vec(0_u32..4, 1..48),
+            before in proptest::collection::vec((0.0..90.0_f64, 2_u8..=10), 0..40),
+            turns in proptest::collection::vec(0_usize..40, 1..9),
+        ) {
+            let base = TileAddress::at(1, 11.0, 47.0);
+            let tiles: Vec<(TileAddress, u32)> = pixels
+                .iter()
+                .enumerate()
+                .map(|(index, &pixels)| (TileAddress::at(10, 1.0 + 1.8 * index as f64, 47.0), pixels))
+                .collect();
             let mut pool = Pool::new(capacity as u32);
             hold(&mut pool, base);
-            let mut came = 0;
-            loop {
+            for (longitude, level) in before {
+                let tile = TileAddress::at(level, longitude, 47.0);
+                pool.place(tile, &HashSet::from([base, tile]));
+            }
+            // At most every tile once on each of four steps down.
+            for came in 0.. {
                 let cut = chosen(&pool, &list(&tiles), &[base], capacity);
                 let wanted: HashSet<TileAddress> = cut.nodes.keys().copied().collect();
-                let Some(next) = wanted.iter().filter(|tile| !pool.is_known(tile)).min() else { break };
-                assert_ne!(pool.place(*next, &wanted).0, crate::stream::residency::Placement::NoRoom);
-                came += 1;
-                assert!(came < 400, "{capacity} slots: it never ends");
+                prop_assert!(wanted.len() <= capacity);
+                let mut missing: Vec<TileAddress> = wanted.iter().filter(|tile| !pool.is_known(tile)).copied().collect();
+                if missing.is_empty() { break; }
+                missing.sort_unstable();
+                let next = missing[turns[came % turns.len()] % missing.len()];
+                prop_assert_ne!(pool.place(next, &wanted).0, Placement::NoRoom);
+                prop_assert!(came <= 4 * tiles.len(), "{} slots: it never ends", capacity);
             }
         }
     }
