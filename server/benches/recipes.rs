@@ -1,5 +1,6 @@
 //! How long a cold tile takes on one core, beyond reading its source: what the fields take is
-//! measured apart and taken off. One JSON object a line, medians in milliseconds.
+//! measured apart and taken off. One JSON object a line, medians in milliseconds. `-- NAME` measures only what has
+//! that in its name.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -15,7 +16,7 @@ use treeline_server::scene::Scene;
 use treeline_server::source::growth::{GrownCover, Growths};
 use treeline_server::source::open;
 use treeline_server::source::{
-    ColourField, Cover, CoverField, FieldExtent, HeightField, SampleGrid, SourceError, procedural,
+    ColourField, Cover, CoverField, FieldExtent, HeightField, RequestCrs, SampleGrid, SourceError, procedural,
 };
 
 const ROUNDS: usize = 15;
@@ -33,6 +34,8 @@ fn reading<T>(work: impl FnOnce() -> T) -> T {
 /// A landscape that is nowhere flat, all of it forest.
 struct World {
     extent: FieldExtent,
+    /// The least closure of its stands, of 255; the greatest is 31 more.
+    least_closure: i32,
 }
 
 impl World {
@@ -84,7 +87,7 @@ impl CoverField for World {
     fn sample(&self, grid: &SampleGrid, out: &mut [Cover]) -> Result<(), SourceError> {
         self.fill(grid, out, |x, y| Cover {
             species: 1 + (((x / 60.0) as i32 + (y / 60.0) as i32) & 1) as u8,
-            closure: 200 + (x as i32 & 31) as u8,
+            closure: (self.least_closure + (x as i32 & 31)).min(255) as u8,
             height: 0,
             surface: SurfaceType::Grass as u8,
         });
@@ -106,13 +109,14 @@ impl ColourField for World {
     }
 }
 
-fn scene(photo: bool) -> Scene {
+fn scene(photo: bool, least_closure: i32) -> Scene {
     let world = Arc::new(World {
         extent: FieldExtent {
             bounds: GeographicBox { west: 10.0, south: 46.0, east: 11.0, north: 47.0 },
             resolution_metres: 1.0,
             projected_epsg: None,
         },
+        least_closure,
     });
     Scene {
         name: "Benchmark".into(),
@@ -144,6 +148,10 @@ fn measure(name: &str, scene: &Scene, request: &TileRequest) {
 
 /// Prints the median of some rounds of work, less what the benchmark's own fields took of it.
 fn time<E: std::fmt::Debug>(name: &str, mut work: impl FnMut() -> Result<(), E>) {
+    let asked = std::env::args().skip(1).find(|argument| !argument.starts_with('-'));
+    if asked.is_some_and(|asked| !name.contains(&asked)) {
+        return;
+    }
     let mut times: Vec<f64> = (0..ROUNDS)
         .map(|_| {
             let before = READING.load(Ordering::Relaxed);
@@ -158,7 +166,7 @@ fn time<E: std::fmt::Debug>(name: &str, mut work: impl FnMut() -> Result<(), E>)
 }
 
 fn main() {
-    let (plain, photo) = (scene(false), scene(true));
+    let (plain, photo) = (scene(false, 200), scene(true, 200));
     let request = |layer: Layer, level: u8, format: Format| {
         let row = layer.row();
         let window = LatticeWindow::of_tile(TileAddress::at(level, 10.4, 46.4), row.registration, row.border);
@@ -173,6 +181,7 @@ fn main() {
         &plain,
         &request(Layer::CombinedElevation, 15, Format::Bil16),
     );
+    large_map();
     measure("elevation, level 14, own", &plain, &request(Layer::Elevation, 14, Format::Own));
     measure("elevation, level 14, png", &plain, &request(Layer::Elevation, 14, Format::Png));
     measure("elevation, level 14, tiff", &plain, &request(Layer::Elevation, 14, Format::GeoTiff));
@@ -185,9 +194,34 @@ fn main() {
     built_in_fields();
 }
 
+/// A map of 2048 × 2048 samples a metre apart, all of it closed forest.
+fn large_map() {
+    const SIDE: u32 = 2048;
+    let closed = scene(false, 255);
+    let metres = f64::from(SIDE) / 111_320.0;
+    let (west, south) = (10.4, 46.4);
+    let grid = SampleGrid::Box {
+        crs: RequestCrs::Geographic,
+        west,
+        south,
+        east: west + metres / 46.41_f64.to_radians().cos(),
+        north: south + metres,
+        width: SIDE,
+        height: SIDE,
+    };
+    for format in [Format::Bil16, Format::Bil32] {
+        let request = TileRequest::new(Layer::CombinedElevation, grid.clone(), format);
+        measure(
+            &format!("combined-elevation, 2048 × 2048 at 1 m, closed forest, {format:?}"),
+            &closed,
+            &request,
+        );
+    }
+}
+
 /// What telling the cover of a photo takes for a tile that was never asked for, beyond reading photo and terrain.
 fn photo_cover() {
-    let world = scene(true);
+    let world = scene(true, 200);
     let (colour, height) = (world.colour.expect("a photo"), world.height);
     let growths = Growths::new(&Species::built_in());
     let below = open::photo_cover(colour, height.clone(), growths.rules());

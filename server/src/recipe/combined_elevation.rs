@@ -20,7 +20,7 @@ use treeline_core::seeds::species::widest_crown_metres;
 use treeline_core::tile::GeographicBox;
 
 /// Samples whose crowns are grown at a time: bounds the memory of large maps.
-const BAND_SAMPLES: usize = 1 << 20;
+const BAND_SAMPLES: usize = 1 << 19;
 /// From this closure on, a coarse sample is shaded as canopy: a quarter of the ground under trees.
 const CANOPY_CLOSURE: u32 = 64;
 
@@ -32,8 +32,49 @@ pub fn make(scene: &Scene, request: &TileRequest) -> Result<Vec<u8>, RecipeError
             let combined = Combined::sample(scene, grid)?;
             Ok((combined.heights, combined.types))
         }),
-        _ => encode::heights(request, &Combined::sample(scene, &request.grid)?.heights),
+        _ => encode::heights(request, &heights(scene, &request.grid)?),
     }
+}
+
+/// The combined map's heights alone, metres, NaN for no data: the [`Combined::heights`] of a grid.
+pub(super) fn heights(scene: &Scene, grid: &SampleGrid) -> Result<Vec<f32>, RecipeError> {
+    let Some(levels) = land_cover_levels(scene).filter(|_| !grid.is_empty()) else {
+        return elevation::sample(scene, grid);
+    };
+    if !holds_crowns(grid) {
+        return Ok(Combined::mean(scene, &levels, grid)?.heights);
+    }
+    let mut whole = Vec::with_capacity(grid.len());
+    for band in bands(grid) {
+        let Grown { mut terrain, over } = Grown::sample(scene, &levels, &band)?;
+        if let Some(over) = over {
+            for (height, &top) in terrain.iter_mut().zip(&over.tops) {
+                if top > *height {
+                    *height = top;
+                }
+            }
+        }
+        whole.extend_from_slice(&terrain);
+    }
+    Ok(whole)
+}
+
+/// Whether the samples of a grid are close enough to show every crown.
+fn holds_crowns(grid: &SampleGrid) -> bool {
+    match grid {
+        SampleGrid::Lattice(window) => shows_crowns(window.level),
+        SampleGrid::Box { .. } => coarsest_spacing(grid) <= ENVELOPE_METRES,
+    }
+}
+
+/// A grid's rows, so many at a time that their crowns do not take much memory.
+fn bands(grid: &SampleGrid) -> Vec<SampleGrid> {
+    let (width, height) = grid.size();
+    let rows = (BAND_SAMPLES / width as usize).max(1) as u32;
+    if rows >= height {
+        return vec![grid.clone()];
+    }
+    (0..height).step_by(rows as usize).map(|first| band(grid, first, rows.min(height - first))).collect()
 }
 
 /// A decoded tile: what [`make`] packs as [`Format::Own`].
@@ -61,22 +102,17 @@ impl Combined {
         let Some(levels) = land_cover_levels(scene).filter(|_| !grid.is_empty()) else {
             return Ok(Self::bare(elevation::sample(scene, grid)?));
         };
-        let shows = match grid {
-            SampleGrid::Lattice(window) => shows_crowns(window.level),
-            SampleGrid::Box { .. } => coarsest_spacing(grid) <= ENVELOPE_METRES,
-        };
-        if !shows {
+        if !holds_crowns(grid) {
             return Self::mean(scene, &levels, grid);
         }
-        let (width, height) = grid.size();
-        let rows = (BAND_SAMPLES / width as usize).max(1) as u32;
-        if rows >= height {
-            return Self::envelope(scene, &levels, grid);
+        let bands = bands(grid);
+        if let [whole] = &bands[..] {
+            return Self::envelope(scene, &levels, whole);
         }
         let mut whole = Self::bare(Vec::with_capacity(grid.len()));
         let mut types = Vec::with_capacity(grid.len());
-        for first in (0..height).step_by(rows as usize) {
-            let part = Self::envelope(scene, &levels, &band(grid, first, rows.min(height - first)))?;
+        for band in bands {
+            let part = Self::envelope(scene, &levels, &band)?;
             types.extend(part.types.unwrap_or_else(|| vec![SurfaceType::Plain as u8; part.terrain.len()]));
             whole.terrain.extend(part.terrain);
             whole.heights.extend(part.heights);
@@ -143,14 +179,47 @@ impl Combined {
 
     /// The larger of the terrain and the highest crown.
     fn envelope(scene: &Scene, levels: &LandCoverLevels, grid: &SampleGrid) -> Result<Self, RecipeError> {
+        let Grown { terrain, over } = Grown::sample(scene, levels, grid)?;
+        let Some(Over { places, stands, crowns, tops }) = over else { return Ok(Self::bare(terrain)) };
+        let mut types = places.surface_types(&stands, terrain.len());
+        let mut heights = tops;
+        for ((height, kind), &ground) in heights.iter_mut().zip(&mut types).zip(&terrain) {
+            // Where the terrain is void, so is the canopy: NaN compares as not higher.
+            if *height > ground {
+                *kind = SurfaceType::Canopy as u8;
+            } else {
+                *height = ground;
+            }
+        }
+        Ok(Self { terrain, heights, types: Some(types), crowns })
+    }
+}
+
+/// Terrain on a grid whose samples show every crown, and what stands on it.
+struct Grown {
+    /// Metres, NaN for no data.
+    terrain: Vec<f32>,
+    /// `None` where the scene knows of no cover.
+    over: Option<Over>,
+}
+
+/// What stands on the terrain.
+struct Over {
+    places: Units,
+    stands: Stands,
+    /// Every crown that reaches the grid.
+    crowns: Vec<Crown>,
+    /// The highest crown at each sample, metres, −∞ where there is none.
+    tops: Vec<f32>,
+}
+
+impl Grown {
+    fn sample(scene: &Scene, levels: &LandCoverLevels, grid: &SampleGrid) -> Result<Self, RecipeError> {
+        let bare = || Ok(Self { terrain: elevation::sample(scene, grid)?, over: None });
         let places = Units::new(&places(grid)?);
-        let Some([west, north, east, south]) = places.bounds() else {
-            return Ok(Self::bare(elevation::sample(scene, grid)?));
-        };
+        let Some([west, north, east, south]) = places.bounds() else { return bare() };
         let window = window_of_trees(scene, west, north, east, south);
-        let Some(stands) = Stands::read(scene, levels, &window)? else {
-            return Ok(Self::bare(elevation::sample(scene, grid)?));
-        };
+        let Some(stands) = Stands::read(scene, levels, &window)? else { return bare() };
         let trees = trees(scene, &window, &stands);
         let mut sampled = None;
         let mut found = Vec::new();
@@ -173,17 +242,7 @@ impl Combined {
                 }
             }
         }
-        let mut types = places.surface_types(&stands, terrain.len());
-        let mut heights = tops;
-        for ((height, kind), &ground) in heights.iter_mut().zip(&mut types).zip(&terrain) {
-            // Where the terrain is void, so is the canopy: NaN compares as not higher.
-            if *height > ground {
-                *kind = SurfaceType::Canopy as u8;
-            } else {
-                *height = ground;
-            }
-        }
-        Ok(Self { terrain, heights, types: Some(types), crowns: found })
+        Ok(Self { terrain, over: Some(Over { places, stands, crowns: found, tops }) })
     }
 }
 
@@ -373,3 +432,7 @@ pub(super) fn at_place(
     let found = crowns(scene, &trees, &anchors);
     Ok((CrownIndex::new(&found, window).height(x, y), cover))
 }
+
+#[cfg(test)]
+#[path = "heights_tests.rs"]
+mod tests;

@@ -5,19 +5,25 @@ pub fn bil16(metres: &[f32], nodata: f64) -> Vec<u8> {
     let void = round(nodata);
     metres
         .iter()
-        .flat_map(|&metres| if metres.is_finite() { round(f64::from(metres)) } else { void }.to_le_bytes())
-        .collect()
+        .map(|&metres| if metres.is_finite() { round(f64::from(metres)) } else { void }.to_le_bytes())
+        .collect::<Vec<_>>()
+        .into_flattened()
 }
 
-/// A conversion from float to integer saturates.
+/// Of a value that an f32 can hold, in f64: adding a half is exact. A conversion to an integer cuts towards zero, and
+/// saturates.
 fn round(value: f64) -> i16 {
-    value.round() as i16
+    (value + 0.5_f64.copysign(value)) as i16
 }
 
 /// 32-bit float metres; `nodata` where there is none.
 pub fn bil32(metres: &[f32], nodata: f64) -> Vec<u8> {
     let void = nodata as f32;
-    metres.iter().flat_map(|&metres| if metres.is_finite() { metres } else { void }.to_le_bytes()).collect()
+    metres
+        .iter()
+        .map(|&metres| if metres.is_finite() { metres } else { void }.to_le_bytes())
+        .collect::<Vec<_>>()
+        .into_flattened()
 }
 
 #[cfg(test)]
@@ -37,5 +43,14 @@ mod tests {
             .map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]))
             .collect();
         assert_eq!(floats, [1.5, -1.5, 0.4, -9999.0, 1.0e9, -1.0e9, 2.49]);
+    }
+
+    #[test]
+    fn halves_are_rounded_away_from_zero_and_what_is_less_is_not() {
+        for metres in [0.499_999_97_f32, 0.5, 0.500_000_06, 2_047.499_9, 2_047.5, 8_388_607.5, 1.0e-30] {
+            for metres in [metres, -metres] {
+                assert_eq!(round(f64::from(metres)), f64::from(metres).round() as i16, "{metres}");
+            }
+        }
     }
 }
