@@ -7,8 +7,8 @@ mod exchange;
 mod trees;
 
 pub use exchange::{
-    DEFAULT_SHADOW_STEPS, DEFAULT_TREE_METRES, EngineError, EngineOptions, FrameReport, Payload, PhotoPixels,
-    Resource, TileRequest, ViewRequest,
+    DEFAULT_SHADOW_STEPS, DEFAULT_TREE_METRES, EngineError, EngineOptions, FrameReport, HandOver, Payload,
+    PhotoPixels, Resource, TileRequest, ViewRequest,
 };
 
 use crate::frame::{FrameRenderer, FrameTarget, FrameTrees};
@@ -37,7 +37,7 @@ use treeline_core::query::get_map_query;
 use treeline_core::scene::{SceneDescription, SceneSpecies};
 use treeline_core::sun::{SunPosition, unix_seconds_from_rfc3339};
 use treeline_core::tile::TileAddress;
-use treeline_shaders::layout::View;
+use treeline_shaders::layout::{HARD_SWITCH, View};
 
 /// A tile that came and waits for its upload.
 #[derive(Debug)]
@@ -361,7 +361,7 @@ impl Engine {
             wraps: u32::from(grid.wraps()),
             root_level: u32::from(grid.level),
             shadow_steps: request.shadow_steps,
-            flags: 0,
+            flags: if self.options.hand_over == HandOver::Hard { HARD_SWITCH } else { 0 },
             // Dithering stands still: a picture is a function of its view.
             frame: 0,
             grid_place: grid.place(),

@@ -130,6 +130,9 @@ pub(crate) fn cell_and_fraction(coordinate: f64) -> (i32, f64) {
     if fraction as f32 == 1.0 { (cell as i32 + 1, 0.0) } else { (cell as i32, fraction) }
 }
 
+/// Bit of [`View::flags`]: trees, their levels and the canopy take each other's places at once.
+pub const HARD_SWITCH: u32 = 1;
+
 /// What every pass knows of the frame: bind group 0, binding 0.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
@@ -156,7 +159,7 @@ pub struct View {
     pub root_level: u32,
     /// Steps of the shadow march.
     pub shadow_steps: u32,
-    /// What the scene has and the panel asks for, as bits (see `view.wgsl`).
+    /// Bits: [`HARD_SWITCH`].
     pub flags: u32,
     /// Counts frames, for dithering; 0 in tests.
     pub frame: u32,

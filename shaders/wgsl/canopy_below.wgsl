@@ -53,6 +53,9 @@ fn has_trees(unit: vec2<u32>) -> bool {
 
 // Share of the canopy that is still drawn at a distance.
 fn canopy_share(distance: f32) -> f32 {
+    if (view.flags & HARD_SWITCH) != 0u {
+        return step(tree_cells.range, distance);
+    }
     return smoothstep(CANOPY_BACK.x, CANOPY_BACK.y, distance / tree_cells.range);
 }
 

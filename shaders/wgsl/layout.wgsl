@@ -28,6 +28,9 @@ struct Leaf {
     distance_range: vec2<f32>,
 }
 
+// Bit of `flags`: trees, their levels and the canopy take each other's places at once.
+const HARD_SWITCH: u32 = 1u;
+
 struct View {
     right: vec4<f32>,
     up: vec4<f32>,

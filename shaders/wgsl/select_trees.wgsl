@@ -245,7 +245,8 @@ fn top_hidden(tree: PlacedTree) -> bool {
 
 // Whether a tree is near enough, and its levels.
 fn levels_of(away: f32, height: f32, bits: u32) -> TreeLevels {
-    let level_jitter = (f32(bits & 0xffu) / 255.0) - 0.5;
+    let hard = (view.flags & HARD_SWITCH) != 0u;
+    let level_jitter = select((f32(bits & 0xffu) / 255.0) - 0.5, 0.0, hard);
     let range_jitter = f32((bits >> 8u) & 0xffu) / 255.0;
     let thresholds = seed_frame.level_pixels;
     var pixels = (height / max(away * view.right.w, 1e-6)) * exp2(LEVEL_JITTER * level_jitter);
@@ -253,7 +254,7 @@ fn levels_of(away: f32, height: f32, bits: u32) -> TreeLevels {
     pixels = min(pixels, thresholds.x * RADIAL_LEVELS.x / max(away, 1e-3));
     pixels = min(pixels, thresholds.y * RADIAL_LEVELS.y / max(away, 1e-3));
     let end = seed_frame.range * (1.0 - (RANGE_JITTER * range_jitter));
-    let both = saturate((end - away) / (RANGE_BAND * seed_frame.range));
+    let both = select(saturate((end - away) / (RANGE_BAND * seed_frame.range)), 1.0, hard);
     var level = 3u;
     var threshold = 0.0;
     if pixels >= thresholds.x {
@@ -267,7 +268,7 @@ fn levels_of(away: f32, height: f32, bits: u32) -> TreeLevels {
         threshold = thresholds.z;
     }
     var own = 1.0;
-    if level < 3u {
+    if level < 3u && !hard {
         own = saturate(((pixels / threshold) - 1.0) / (LEVEL_BAND - 1.0));
     }
     return TreeLevels(level, own < 1.0, own * both, both);

@@ -41,6 +41,7 @@ pub fn shoot(arguments: &Arguments) -> Result<(), ShotError> {
         tree_metres: arguments.tree_distance,
         uploads_per_step: usize::MAX,
         count_fetches: arguments.stats.is_some(),
+        ..EngineOptions::default()
     };
     let engine = Engine::new(gpu, scene, options).map_err(ShotError::failure)?;
     let workers = std::thread::available_parallelism().map_or(2, usize::from).clamp(2, 8);

@@ -1,6 +1,7 @@
 //! Treeline's test harness: real data and where it lies, the real programs, a real browser, a bad
 //! connection, the comparison of pictures, and the exact reference of ray-cast height fields.
 
+pub mod approach;
 pub mod browser;
 pub mod data;
 pub mod faulty_link;
@@ -16,6 +17,7 @@ pub mod http_tiles;
 pub mod load_map;
 pub mod load_map_gpu;
 pub mod picture;
+pub mod popping;
 pub mod program;
 pub mod recall;
 pub mod reference;

@@ -27,6 +27,18 @@ pub struct EngineOptions {
     pub uploads_per_step: usize,
     /// Count texel fetches per ray.
     pub count_fetches: bool,
+    /// How trees, their levels and the canopy take each other's places.
+    pub hand_over: HandOver,
+}
+
+/// How trees, their levels of detail and the canopy take each other's places.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum HandOver {
+    /// Each tree at a place of its own, one fading into the other.
+    #[default]
+    Faded,
+    /// All at the same size and distance, at once: what fading is measured against.
+    Hard,
 }
 
 impl Default for EngineOptions {
@@ -37,6 +49,7 @@ impl Default for EngineOptions {
             tree_metres: None,
             uploads_per_step: 6,
             count_fetches: false,
+            hand_over: HandOver::default(),
         }
     }
 }

@@ -17,7 +17,9 @@ pub struct Targets {
     pub distance_view: wgpu::TextureView,
     /// View of the hits.
     pub hit_view: wgpu::TextureView,
-    /// View of the depths, once trees are drawn.
+    /// Depths, once trees are drawn.
+    pub depth: Option<wgpu::Texture>,
+    /// View of the depths.
     pub depth_view: Option<wgpu::TextureView>,
 }
 
@@ -42,25 +44,25 @@ impl Targets {
         let hit = create("hit", HIT_FORMAT);
         let distance_view = distance.create_view(&wgpu::TextureViewDescriptor::default());
         let hit_view = hit.create_view(&wgpu::TextureViewDescriptor::default());
-        Self { distance, hit, distance_view, hit_view, depth_view: None }
+        Self { distance, hit, distance_view, hit_view, depth: None, depth_view: None }
     }
 
     /// Makes the depths, where there are none yet.
     pub fn with_depth(&mut self, device: &wgpu::Device, format: wgpu::TextureFormat) {
         let [width, height] = self.size();
-        self.depth_view.get_or_insert_with(|| {
-            let depth = device.create_texture(&wgpu::TextureDescriptor {
+        let depth = self.depth.get_or_insert_with(|| {
+            device.create_texture(&wgpu::TextureDescriptor {
                 label: Some("depth"),
                 size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
                 mip_level_count: 1,
                 sample_count: 1,
                 dimension: wgpu::TextureDimension::D2,
                 format,
-                usage: wgpu::TextureUsages::RENDER_ATTACHMENT,
+                usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC,
                 view_formats: &[],
-            });
-            depth.create_view(&wgpu::TextureViewDescriptor::default())
+            })
         });
+        self.depth_view.get_or_insert_with(|| depth.create_view(&wgpu::TextureViewDescriptor::default()));
     }
 
     /// Width and height, pixels.

@@ -90,8 +90,8 @@ fn session() -> Session {
         stream: StreamOptions { fade_seconds: 0.0, ..StreamOptions::default() },
         photo_compression: PhotoCompression::default(),
         uploads_per_step: usize::MAX,
-        tree_metres: None,
         count_fetches: true,
+        ..EngineOptions::default()
     };
     Session::new(Engine::new(gpu, scene(), options).unwrap(), WIDTH, HEIGHT, 2).unwrap()
 }

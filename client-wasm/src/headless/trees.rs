@@ -2,7 +2,7 @@
 //! the integers that decided them.
 
 use super::HeadlessError;
-use super::capture::wait;
+use super::capture::{read_texture, wait};
 use crate::engine::Engine;
 use crate::gpu::GpuContext;
 use treeline_core::codec::elevation::quantum_metres;
@@ -10,6 +10,9 @@ use treeline_core::seeds::pattern::{CELL_UNITS, CellRow, candidate, pattern_of_c
 use treeline_core::seeds::place::{latitude_from_y, longitude_from_x};
 use treeline_core::seeds::species::HEIGHT_UNITS;
 use treeline_shaders::trees::{Draw, LEVELS, PRIMARY, TreeInstance};
+
+/// What a depth of 1 stands for, metres (`trees.wgsl`).
+const NEAR_METRES: f32 = 0.1;
 
 /// A tree that is drawn.
 #[derive(Clone, Debug, PartialEq)]
@@ -71,6 +74,17 @@ pub fn selected_trees(engine: &Engine) -> Result<Vec<SelectedTree>, HeadlessErro
         }
     }
     Ok(trees)
+}
+
+/// Distance of what the last frame's picture shows where trees are drawn, metres along the view axis, infinite for
+/// the sky; `None` where none were drawn. A canopy that trees stand in is written 10 m farther
+/// (`shade_trees.wgsl`).
+pub fn drawn_depths(engine: &Engine) -> Result<Option<Vec<f32>>, HeadlessError> {
+    let drawn = engine.drawn_seeds().is_some_and(|seeds| seeds.frame.cells > 0);
+    let depth = engine.targets().and_then(|targets| targets.depth.as_ref());
+    let Some(depth) = depth.filter(|_| drawn) else { return Ok(None) };
+    let words: Vec<f32> = bytemuck::pod_collect_to_vec(&read_texture(engine.gpu(), depth)?);
+    Ok(Some(words.into_iter().map(|depth| NEAR_METRES / depth).collect()))
 }
 
 /// All of a buffer. Waits for the GPU.

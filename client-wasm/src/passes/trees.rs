@@ -9,6 +9,10 @@ use treeline_shaders::{Pass, source};
 /// Depths: `NEAR_METRES` of `trees.wgsl` over the distance along the view axis, 0 for the sky.
 pub const DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 
+/// Hosts without a page may read the depths back; nothing else needs them any more.
+const KEEPS_DEPTHS: wgpu::StoreOp =
+    if cfg!(target_arch = "wasm32") { wgpu::StoreOp::Discard } else { wgpu::StoreOp::Store };
+
 /// The pass.
 #[derive(Debug)]
 pub struct Trees {
@@ -143,7 +147,7 @@ impl Trees {
             })],
             depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
                 view: depth,
-                depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Load, store: wgpu::StoreOp::Discard }),
+                depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Load, store: KEEPS_DEPTHS }),
                 stencil_ops: None,
             }),
             timestamp_writes: timestamps,

@@ -3,7 +3,7 @@
 //! Candidates, stands and anchors are `treeline_core::seeds`' own: the shader is their twin.
 
 use super::load_map_place::enu_from_place;
-use crate::layout::View;
+use crate::layout::{HARD_SWITCH, View};
 use crate::trees::{LEVELS, SeedCell, SeedFrame};
 use glam::{Vec2, Vec3, Vec4, Vec4Swizzles};
 use treeline_core::codec::elevation::VOID;
@@ -190,17 +190,19 @@ pub fn top_hidden<T: SeedTexels>(world: &SeedWorld<'_, T>, tree: &PlacedTree) ->
 
 /// Whether a tree is near enough, and its levels.
 pub fn levels_of(view: &View, frame: &SeedFrame, away: f32, height: f32, bits: u32) -> TreeLevels {
-    let level_jitter = (bits & 0xff) as f32 / 255.0 - 0.5;
+    let hard = view.flags & HARD_SWITCH != 0;
+    let level_jitter = if hard { 0.0 } else { (bits & 0xff) as f32 / 255.0 - 0.5 };
     let range_jitter = (bits >> 8 & 0xff) as f32 / 255.0;
     let thresholds = frame.level_pixels;
     let mut pixels = height / (away * view.right[3]).max(1e-6) * (LEVEL_JITTER * level_jitter).exp2();
     pixels = pixels.min(thresholds[0] * RADIAL_LEVELS[0] / away.max(1e-3));
     pixels = pixels.min(thresholds[1] * RADIAL_LEVELS[1] / away.max(1e-3));
     let end = frame.range * (1.0 - RANGE_JITTER * range_jitter);
-    let both = ((end - away) / (RANGE_BAND * frame.range)).clamp(0.0, 1.0);
+    let both = if hard { 1.0 } else { ((end - away) / (RANGE_BAND * frame.range)).clamp(0.0, 1.0) };
     let level = thresholds[..3].iter().position(|&threshold| pixels >= threshold).unwrap_or(3);
     let own = match level {
         3 => 1.0,
+        _ if hard => 1.0,
         level => ((pixels / thresholds[level] - 1.0) / (LEVEL_BAND - 1.0)).clamp(0.0, 1.0),
     };
     TreeLevels { level: level as u32, fades: own < 1.0, own: own * both, both }
