@@ -114,18 +114,21 @@ impl Models {
         is_here
     }
 
-    /// The models in the order of the table, those that have come: where one has come since this was last asked,
-    /// and none is awaited.
+    /// The models by code, of code 1 first, those that have come: where one has come since this was last asked, and
+    /// none is awaited.
     pub fn take(&mut self) -> Option<Vec<Option<&TreeSpecies>>> {
         if !self.changed || !self.are_here() {
             return None;
         }
         self.changed = false;
-        let models = self.species.iter().map(|(_, state)| match state {
-            State::Here(model) => Some(&**model),
-            _ => None,
-        });
-        Some(models.collect())
+        let last = self.species.iter().map(|(code, _)| usize::from(*code)).max().unwrap_or(0);
+        let mut models = vec![None; last];
+        for (code, state) in &self.species {
+            if let (State::Here(model), Some(place)) = (state, usize::from(*code).checked_sub(1)) {
+                models[place] = Some(&**model);
+            }
+        }
+        Some(models)
     }
 
     /// A model that has failed: its address, and how.
@@ -203,6 +206,26 @@ mod tests {
         assert_eq!(models.failure().unwrap().1.attempts, 2);
         assert_eq!(models.next_retry(), Some(31.0));
         assert!(!models.are_here());
+    }
+
+    #[test]
+    fn a_model_stands_at_the_place_of_its_code() {
+        let species = &Species::built_in()[4];
+        let grown = SceneSpecies {
+            code: species.code,
+            name: species.definition.name.clone(),
+            height: 20.0,
+            crown_radius_ratio: species.definition.crown_radius_ratio,
+            definition: species.definition.clone(),
+        };
+        let scene = SceneDescription { species: vec![grown], trees: Some("/trees/".into()), ..scene() };
+        let mut models = Models::new(&scene);
+        models.want(5);
+        let asked = models.plan(0.0, || RequestId(7));
+        assert!(models.deliver(0.1, asked[0].0, Ok(TreeSpecies::grow(species).encode())));
+        let table = models.take().unwrap();
+        assert_eq!(table.len(), 5);
+        assert!(table[..4].iter().all(Option::is_none) && table[4].is_some_and(|model| model.code == 5));
     }
 
     #[test]

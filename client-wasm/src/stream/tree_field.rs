@@ -28,7 +28,7 @@ const MARGIN_METRES: f64 = 3.0;
 /// A scene's trees, as far as they are drawn.
 #[derive(Clone, Debug)]
 pub struct TreeField {
-    /// The table that decides them.
+    /// The table that decides them, by code: the first has code 1.
     pub species: Vec<Species>,
     levels: LandCoverLevels,
     /// Trees are drawn up to this distance, metres.
@@ -64,19 +64,7 @@ impl TreeField {
         if levels.l1 > LEVEL || !(anchor::COARSEST_LEVEL..=anchor::FINEST_LEVEL).contains(&levels.anchor) {
             return None;
         }
-        let table: Result<Vec<Species>, String> = scene
-            .species
-            .iter()
-            .map(|species| Species::new(species.code, species.definition.clone()))
-            .collect();
-        let species = table.ok().filter(|table| !table.is_empty() && table.len() < 256)?;
-        // Codes are places in the table.
-        (1..).zip(&species).all(|(code, species)| u32::from(species.code) == code).then_some(Self {
-            species,
-            levels,
-            range: range.min(FARTHEST_METRES),
-            extent,
-        })
+        Some(Self { species: table(scene)?, levels, range: range.min(FARTHEST_METRES), extent })
     }
 
     /// Level of the land-cover tiles that decide trees.
@@ -251,6 +239,26 @@ impl TreeField {
         let eye_cell = [cell_of(whole_x).rem_euclid(all) as u32, cell_of(whole_y) as u32];
         SeedFrameCells { frame, cells: out, eye_cell }
     }
+}
+
+/// A scene's species by code, which is their place in the table. A scene names those alone that grow in it; in the
+/// place of any other stands one that never lives. `None` where there are none, or one is not what this program can
+/// grow.
+fn table(scene: &SceneDescription) -> Option<Vec<Species>> {
+    let mut named: Vec<Option<Species>> = Vec::new();
+    for species in &scene.species {
+        let made = Species::new(species.code, species.definition.clone()).ok()?;
+        let place = usize::from(made.code) - 1;
+        named.resize_with(named.len().max(place + 1), || None);
+        named[place] = Some(made);
+    }
+    let any = named.iter().flatten().next()?.clone();
+    let absent = |code| {
+        let mut species = any.clone();
+        (species.code, species.share) = (code, 0);
+        species
+    };
+    Some((1..=u8::MAX).zip(named).map(|(code, species)| species.unwrap_or_else(|| absent(code))).collect())
 }
 
 /// Cells with those around them: a tree stands in one cell and hangs over into the next.
