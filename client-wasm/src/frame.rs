@@ -76,6 +76,8 @@ pub struct FrameRenderer {
     select_trees: Option<SelectTrees>,
     seed_belt: Option<Belt<u64>>,
     seed_stats: Option<SeedStats>,
+    /// Draws of the last frame's trees.
+    tree_draws: u32,
     load_map: Option<LoadMap>,
     belt: Option<Belt<Ticket>>,
     /// The words of the map being taken in.
@@ -144,6 +146,7 @@ impl FrameRenderer {
             select_trees: None,
             seed_belt: None,
             seed_stats: None,
+            tree_draws: 0,
             load_map: None,
             belt: None,
             words: Vec::new(),
@@ -249,7 +252,8 @@ impl FrameRenderer {
         {
             let times = timer.and_then(|timer| timer.writes(5));
             let (device, view, picture) = (&gpu.device, &tree_groups.view, target.view);
-            pass.record(device, &mut encoder, view, selected, models, picture, depth, times);
+            self.tree_draws =
+                pass.record(device, &mut encoder, view, selected, models, picture, depth, times);
         }
         let mut made = true;
         if let (Some(ticket), Some(map), Some(belt)) = (ticket, &mut self.load_map, &mut self.belt) {
@@ -287,6 +291,7 @@ impl FrameRenderer {
     ) {
         let Some(trees) = trees else {
             // None are selected any more.
+            self.tree_draws = 0;
             self.seed_stats = self.seed_stats.map(|_| SeedStats::default());
             return;
         };
@@ -377,11 +382,11 @@ impl FrameRenderer {
             let counted = belt.poll(&gpu.device, |checked, bytes| {
                 let draws: Vec<Draw> = bytemuck::pod_collect_to_vec(bytes);
                 let selected = draws.last().map_or(0, |draw| draw.instance_count);
-                SeedStats { checked, selected: u64::from(selected) }
+                SeedStats { checked, selected: u64::from(selected), draw_calls: 0 }
             });
             self.seed_stats = counted.or(self.seed_stats);
         }
-        self.seed_stats
+        self.seed_stats.map(|stats| SeedStats { draw_calls: self.tree_draws, ..stats })
     }
 
     /// The pass that selects trees, if any were ever looked at.

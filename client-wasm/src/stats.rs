@@ -83,6 +83,8 @@ pub struct SeedStats {
     pub checked: u64,
     /// Trees selected.
     pub selected: u64,
+    /// Draw calls that they take: one a species and level at most.
+    pub draw_calls: u32,
 }
 
 #[cfg(test)]

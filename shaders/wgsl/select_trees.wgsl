@@ -377,13 +377,14 @@ fn scan(@builtin(local_invocation_index) local: u32) {
     storageBarrier();
     workgroupBarrier();
     let total = part_sums[SCAN_THREADS - 1u];
-    for (var bin = local; bin <= bins; bin += SCAN_THREADS) {
-        let from_place = counts[bin * blocks];
-        var to_place = total;
-        if bin < bins {
-            to_place = counts[(bin + 1u) * blocks];
-        }
-        draws[bin].instance_count = to_place - from_place;
+    // What finds no room is not drawn. (The last bin only counts.)
+    let room = arrayLength(&instances);
+    for (var bin = local; bin < bins; bin += SCAN_THREADS) {
+        let from_place = min(counts[bin * blocks], room);
+        draws[bin].instance_count = min(counts[(bin + 1u) * blocks], room) - from_place;
+    }
+    if local == 0u {
+        draws[bins].instance_count = total - counts[bins * blocks];
     }
 }
 
@@ -426,9 +427,15 @@ fn scatter(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
         foot, base | (until << 24u), seed_word, tree.ground, tree.height | 0x10000u,
         lights.colour, lights.sun, lights.sky, lights.air,
     );
-    instances[place] = tree_instance;
+    let room = arrayLength(&instances);
+    if place < room {
+        instances[place] = tree_instance;
+    }
     if bins.y != 0u {
         let second = counts[((bins.y - 1u) * blocks) + seed.block] + before.y;
+        if second >= room {
+            return;
+        }
         tree_instance.look = base | (own << 16u) | (both << 24u);
         tree_instance.height_units = tree.height;
         instances[second] = tree_instance;

@@ -22,6 +22,7 @@ pub mod program;
 pub mod recall;
 pub mod reference;
 pub mod router_tiles;
+pub mod seed_pass;
 pub mod terrain_gpu;
 pub mod tile_world;
 pub mod tree_pictures;

@@ -2,7 +2,7 @@
 //! nothing grows.
 
 use glam::Vec4;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::sync::Mutex;
 use treeline_client::engine::{Engine, EngineOptions, ViewRequest};
 use treeline_client::headless::trees::instances;
@@ -208,6 +208,9 @@ fn the_list_is_the_same_twice_and_whatever_came_first() {
     let seeds = stats.seeds.unwrap();
     assert_eq!(seeds.selected as usize, first.len());
     assert!(seeds.checked > seeds.selected, "{seeds:?}");
+    let drawn: HashSet<(u8, u8)> = first.iter().map(|tree| (tree.species, tree.level)).collect();
+    assert!(seeds.draw_calls as usize >= drawn.len(), "{seeds:?}");
+    assert!(seeds.draw_calls as usize <= 4 * table(&tiles).len(), "{seeds:?}");
     assert!(first.iter().all(|tree| tree.level < 4 && tree.height_metres > 0.5));
     // Chosen by the quadtree the same trees are there: nothing that the map hides is seen.
     let mut by_quadtree = session(&tiles, 400.0, TileChoice::Cpu);

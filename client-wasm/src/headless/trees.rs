@@ -5,6 +5,7 @@ use super::HeadlessError;
 use super::capture::{read_texture, wait};
 use crate::engine::Engine;
 use crate::gpu::GpuContext;
+use crate::passes::select_trees::SelectTrees;
 use treeline_core::codec::elevation::quantum_metres;
 use treeline_core::seeds::pattern::{CELL_UNITS, CellRow, candidate, pattern_of_cell};
 use treeline_core::seeds::place::{latitude_from_y, longitude_from_x};
@@ -31,12 +32,17 @@ pub struct SelectedTree {
     pub level: u8,
 }
 
+/// The arguments of a selection's draws, read back: one a bin, and one that counts every tree once.
+pub fn draws(gpu: &GpuContext, pass: &SelectTrees) -> Result<Vec<Draw>, HeadlessError> {
+    read_buffer(gpu, pass.draws())
+}
+
 /// The instances of each bin, species by species and level by level.
 pub fn instances(engine: &Engine) -> Result<Vec<Vec<TreeInstance>>, HeadlessError> {
     let (Some(pass), Some(seeds)) = (engine.select_trees(), engine.drawn_seeds()) else {
         return Ok(Vec::new());
     };
-    let draws: Vec<Draw> = read_buffer(engine.gpu(), pass.draws())?;
+    let draws = draws(engine.gpu(), pass)?;
     let counts: Vec<u32> = read_buffer(engine.gpu(), pass.counts())?;
     let all: Vec<TreeInstance> = read_buffer(engine.gpu(), pass.instances())?;
     let blocks = (seeds.frame.cells * seeds.frame.blocks) as usize;

@@ -194,7 +194,9 @@ impl SelectTrees {
 
     fn make_room(&mut self, device: &wgpu::Device, seeds: &SeedFrameCells) {
         let frame = &seeds.frame;
-        // Every candidate may be a tree, between two levels.
+        // Every candidate may be a tree, between two levels; of very many, most are not.
+        let limits = device.limits();
+        let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
         let sizes = [
             seeds.cells.len() as u64 * size_of::<SeedCell>() as u64,
             4 * u64::from(frame.candidates()),
@@ -204,8 +206,9 @@ impl SelectTrees {
         let buffers = [&mut self.cells, &mut self.decided, &mut self.counts, &mut self.instances];
         let labels = ["seed cells", "seeds decided", "seed counts", "trees"];
         for ((old, size), label) in buffers.into_iter().zip(sizes).zip(labels) {
+            let size = size.next_power_of_two().min(most);
             if size > old.size() {
-                *old = buffer(device, label, size.next_power_of_two(), old.usage());
+                *old = buffer(device, label, size, old.usage());
                 self.generation += 1;
             }
         }

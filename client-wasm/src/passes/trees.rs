@@ -119,7 +119,7 @@ impl Trees {
         Self { format, layout, draw_layout, pipeline, sampler, groups: None }
     }
 
-    /// Records the pass over a picture and its depths. `view` is bind group 0.
+    /// Records the pass over a picture and its depths, and answers how many draws it takes. `view` is bind group 0.
     #[allow(clippy::too_many_arguments, reason = "what a pass is given")]
     pub fn record(
         &mut self,
@@ -131,12 +131,12 @@ impl Trees {
         picture: &wgpu::TextureView,
         depth: &wgpu::TextureView,
         timestamps: Option<wgpu::RenderPassTimestampWrites<'_>>,
-    ) {
+    ) -> u32 {
         let made_for = selected.generation;
         if self.groups.as_ref().is_none_or(|groups| groups.made_for != made_for) {
             self.groups = Some(self.bind(device, selected, models, made_for));
         }
-        let Some(groups) = &self.groups else { return };
+        let Some(groups) = &self.groups else { return 0 };
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("trees"),
             color_attachments: &[Some(wgpu::RenderPassColorAttachment {
@@ -156,10 +156,13 @@ impl Trees {
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, view, &[]);
         pass.set_bind_group(1, &groups.trees, &[]);
+        let mut draws = 0;
         for bin in models.drawn_bins() {
             pass.set_bind_group(2, &groups.draw, &[bin * TreeModels::DRAW_STRIDE]);
             pass.draw_indirect(selected.draws(), u64::from(bin) * 16);
+            draws += 1;
         }
+        draws
     }
 
     fn bind(
