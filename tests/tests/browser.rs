@@ -137,6 +137,41 @@ fn browser_draws_what_treeline_shot_draws() -> anyhow::Result<()> {
     Ok(())
 }
 
+/// A link into the wood near the middle of the built-in landscape, looking along a slope.
+const WOOD: &str = "#camera=10.87,46.85,1650,40,-20";
+
+#[test]
+fn browser_selects_the_trees_that_treeline_shot_lists() -> anyhow::Result<()> {
+    let server = Server::start(&[])?;
+    let browser = Browser::start()?;
+    let mut page = open(&browser, &server.url(&format!("/?trees=250{WOOD}")))?;
+    // The camera as the page has it, once it has lifted it over the ground.
+    let camera = page.camera()?;
+    // Counts come back a frame later.
+    page.evaluate(
+        "window.treeline.pause(); window.treeline.step().then(() => window.treeline.step()).then(() => true)",
+    )?;
+    page.wait_for("window.treeline.stats().seeds.selected > 0", PATIENCE)?;
+    let stats = page.evaluate("window.treeline.stats().seeds")?;
+    ensure!(page.complaints()?.is_empty(), "{:?}", page.complaints()?);
+
+    let folder = tempfile::tempdir()?;
+    let (view, trees) = (folder.path().join("camera.json"), folder.path().join("trees.csv"));
+    std::fs::write(&view, serde_json::to_string(&camera)?)?;
+    let output = std::process::Command::new(program::path("treeline-shot")?)
+        .args(["--server", &server.url("/"), "--adapter", "software", "--tree-distance", "250"])
+        .args(["--size", &format!("{}x{}", SIZE.0, SIZE.1)])
+        .args([std::ffi::OsStr::new("--camera"), view.as_os_str()])
+        .args([std::ffi::OsStr::new("--trees"), trees.as_os_str()])
+        .output()?;
+    ensure!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let listed = std::fs::read_to_string(&trees)?.lines().count() - 1;
+    println!("{listed} trees; the page says {stats}");
+    ensure!(listed > 50 && stats["selected"] == json!(listed), "{listed} listed, {stats} in the browser");
+    ensure!(stats["checked"].as_u64() > stats["selected"].as_u64(), "{stats}");
+    Ok(())
+}
+
 #[test]
 fn browser_api_pauses_steps_and_sizes() -> anyhow::Result<()> {
     let server = Server::start(&[])?;
