@@ -26,3 +26,4 @@ pub mod seed_pass;
 pub mod terrain_gpu;
 pub mod tile_world;
 pub mod tree_pictures;
+pub mod tree_tops;
