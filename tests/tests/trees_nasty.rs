@@ -8,6 +8,7 @@ use treeline_client::stream::requests::FetchFailure;
 use treeline_core::camera::GeographicCamera;
 use treeline_core::geodesy::EQUATOR_METRES;
 use treeline_core::scene::SceneDescription;
+use treeline_core::seeds::pattern::{self, CellRow};
 use treeline_core::tree_model::{Quad, TreeSpecies};
 use treeline_server::cli::SceneArguments;
 use treeline_server::opening;
@@ -121,14 +122,21 @@ fn trees_end_with_the_map() {
 
 #[test]
 fn near_a_pole_trees_stand_up_to_where_none_grow() {
-    // The seeds' pattern ends at 86.4°.
-    let (west, north) = (20.0, 86.41);
+    // The seeds' pattern ends where a cell has no room for two trees side by side, at about 86.42°: in this map.
+    let (west, north) = (20.0, 86.424);
     let tiles = wood(west, north, |_, _| 300.0);
     let eye = (west + 0.5 * SIDE / 86.4_f64.to_radians().cos(), north - 0.8 * SIDE);
     let (trees, contrast) =
         look(tiles.scene().unwrap(), &tiles, camera(eye.0, eye.1, 360.0, 0.0, -15.0), 600.0);
     assert!(contrast > 2.0 && trees.len() > 20, "{} trees, contrast {contrast}", trees.len());
-    assert!(trees.iter().all(|tree| tree.latitude < 86.405 && tree.longitude.is_finite()));
+    let northernmost = trees.iter().map(|tree| tree.latitude).fold(0.0, f64::max);
+    let columns = |latitude: f64| {
+        CellRow::new(((90.0 - latitude) / 180.0 * f64::from(1_u32 << pattern::LEVEL)) as u32).columns
+    };
+    println!("{} trees up to {northernmost}°", trees.len());
+    assert_eq!((columns(northernmost), columns(north)), (2, 0));
+    assert!(northernmost < north - 0.2 * SIDE, "bare ground is left over");
+    assert!(trees.iter().all(|tree| tree.longitude.is_finite()));
     let tiles = wood(west, 86.2, |_, _| 300.0);
     let view = camera(eye.0, 86.2 - 0.8 * SIDE, 360.0, 0.0, -15.0);
     let (south, _) = look(tiles.scene().unwrap(), &tiles, view, 600.0);
