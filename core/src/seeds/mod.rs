@@ -12,7 +12,7 @@
 //!    below the stand's share of trees. Ranks are spread hierarchically, so that a thinned forest
 //!    stays evenly spaced.
 //! 4. [`anchor`] is the ground that it stands on: nodes of one fixed level.
-//! 5. [`species`] says how tall it grows and what its crown looks like, [`expected`] what the mean
+//! 5. [`species`] says how tall it grows and what its crown looks like, [`season`] what the year does to it, [`expected`] what the mean
 //!    of all that is where single trees are too small to be seen.
 //!
 //! Measured by the tests of [`tree`]: Clark–Evans index 1.42 for all candidates (a fully jittered
@@ -24,6 +24,7 @@ pub mod anchor;
 pub mod expected;
 pub mod pattern;
 pub mod place;
+pub mod season;
 pub mod species;
 pub mod tree;
 
