@@ -35,9 +35,11 @@ use treeline_core::geodesy::{self, Geodetic};
 use treeline_core::layer::Layer;
 use treeline_core::query::get_map_query;
 use treeline_core::scene::{SceneDescription, SceneSpecies};
+use treeline_core::seeds::season::{self, YearDay};
 use treeline_core::sun::{SunPosition, unix_seconds_from_rfc3339};
 use treeline_core::tile::TileAddress;
 use treeline_shaders::layout::{HARD_SWITCH, View};
+use treeline_shaders::season::{FLAG_SEASON, rows as season_rows, season_of_view};
 
 /// A tile that came and waits for its upload.
 #[derive(Debug)]
@@ -118,6 +120,8 @@ impl Engine {
             arrays = arrays.with_minima(&gpu.device);
         }
         let renderer = FrameRenderer::new(&gpu, options.count_fetches);
+        let years = season::table(scene.species.iter().map(|species| (species.code, &species.definition)));
+        renderer.write_seasons(&gpu, &season_rows(&years));
         let models = Models::new(&scene);
         Ok(Self {
             gpu,
@@ -345,6 +349,8 @@ impl Engine {
         let eye = geometry.eye;
         let time = request.sun_unix_seconds.unwrap_or(self.sun_unix_seconds);
         let sun = SunPosition::at(time, eye.longitude, eye.latitude).direction_enu();
+        let year = YearDay::at(time, eye.latitude);
+        let hard = if self.options.hand_over == HandOver::Hard { HARD_SWITCH } else { 0 };
         let axis =
             |vector: glam::DVec3, last: f64| [vector.x as f32, vector.y as f32, vector.z as f32, last as f32];
         let grid = &self.stream.grid;
@@ -361,13 +367,14 @@ impl Engine {
             wraps: u32::from(grid.wraps()),
             root_level: u32::from(grid.level),
             shadow_steps: request.shadow_steps,
-            flags: if self.options.hand_over == HandOver::Hard { HARD_SWITCH } else { 0 },
+            flags: hard | if year.is_some() { FLAG_SEASON } else { 0 },
             // Dithering stands still: a picture is a function of its view.
             frame: 0,
             grid_place: grid.place(),
             tree_size: typical_tree(&self.scene.species),
             scene_seed: self.scene.seed,
             padding: [0; 3],
+            season: year.map_or([0.0; 4], |day| season_of_view(&day, eye.latitude)),
         }
     }
 
@@ -591,8 +598,8 @@ impl Engine {
     }
 }
 
-/// Height in metres, and crown radius over it, of the mean of a scene's species, those of shrubs left out where
-/// there are trees: a far forest is made of its tall ones.
+/// Height in metres, and crown radius over it, of the mean of a scene's species, the common ones counting more and
+/// those of shrubs left out where there are trees: a far forest is made of its tall ones.
 fn typical_tree(species: &[SceneSpecies]) -> [f32; 2] {
     const LEAST_METRES: f64 = 6.0;
     let tall = |species: &&SceneSpecies| species.height >= LEAST_METRES;
@@ -600,9 +607,13 @@ fn typical_tree(species: &[SceneSpecies]) -> [f32; 2] {
         0 => species.iter().collect(),
         _ => species.iter().filter(tall).collect(),
     };
+    let commonness = |species: &&SceneSpecies| species.definition.commonness;
+    let all_named = counted.iter().all(|species| commonness(species) <= 0.0);
+    let weight = |species: &&SceneSpecies| if all_named { 1.0 } else { commonness(species) };
+    let weights: f64 = counted.iter().map(weight).sum();
     let mean = |of: fn(&SceneSpecies) -> f64| {
-        let sum: f64 = counted.iter().map(|species| of(species)).sum();
-        (sum / counted.len().max(1) as f64) as f32
+        let sum: f64 = counted.iter().map(|species| weight(species) * of(species)).sum();
+        (sum / weights.max(1e-9)) as f32
     };
     [mean(|species| species.height), mean(|species| species.crown_radius_ratio)]
 }

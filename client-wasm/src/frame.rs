@@ -12,7 +12,7 @@ use crate::passes::select_trees::{SelectTrees, SelectVariant};
 use crate::passes::shade::{Shade, ShadeVariant, hits_layout};
 use crate::passes::terrain::Terrain;
 use crate::passes::timing::PassTimer;
-use crate::passes::trees::{DEPTH_FORMAT, Trees};
+use crate::passes::trees::{DEPTH_FORMAT, Trees, TreesVariant};
 use crate::passes::view_layout;
 use crate::stats::SeedStats;
 use crate::stream::page_table::Tables;
@@ -20,8 +20,10 @@ use crate::stream::tree_field::SeedFrameCells;
 use crate::survey::Ticket;
 use treeline_core::seeds::Species;
 use treeline_core::seeds::pattern::{CellRow, ROWS};
+use treeline_core::seeds::season::ROWS as ROWS_OF_SEASONS;
 use treeline_core::tree_model::TreeSpecies;
 use treeline_shaders::layout::View;
+use treeline_shaders::season::{FLAG_SEASON, SeasonRow};
 use treeline_shaders::trees::{Draw, SeedSpecies, TreeCells};
 
 /// The passes of a frame, in order; timed under these names.
@@ -152,6 +154,11 @@ impl FrameRenderer {
             words: Vec::new(),
             count_fetches,
         }
+    }
+
+    /// Says what the year does to the scene's species.
+    pub fn write_seasons(&self, gpu: &GpuContext, rows: &[SeasonRow; ROWS_OF_SEASONS]) {
+        gpu.queue.write_buffer(&self.buffers.seasons, 0, bytemuck::cast_slice(rows));
     }
 
     /// Derives the pyramids of elevation tiles just uploaded.
@@ -295,7 +302,11 @@ impl FrameRenderer {
             self.seed_stats = self.seed_stats.map(|_| SeedStats::default());
             return;
         };
-        let variant = SelectVariant { photo: !tables.pages.is_empty(), shadows: view.shadow_steps > 0 };
+        let variant = SelectVariant {
+            photo: !tables.pages.is_empty(),
+            shadows: view.shadow_steps > 0,
+            season: has_season(view),
+        };
         if self.select_trees.as_ref().is_some_and(|pass| pass.variant == variant) {
             return;
         }
@@ -350,8 +361,9 @@ impl FrameRenderer {
         if self.shade_trees.as_ref().is_none_or(|shade| shade.variant != variant) {
             self.shade_trees = Some(Shade::new(device, &self.frame_layout, tree_hits_layout, variant));
         }
-        if self.trees.as_ref().is_none_or(|pass| pass.format != format) {
-            self.trees = Some(Trees::new(device, view_layout, format));
+        let variant = TreesVariant { format, season: has_season(view) };
+        if self.trees.as_ref().is_none_or(|pass| pass.variant != variant) {
+            self.trees = Some(Trees::new(device, view_layout, variant));
         }
         let cells = self.tree_cells.get_or_insert_with(|| {
             device.create_buffer(&wgpu::BufferDescriptor {
@@ -461,6 +473,7 @@ impl FrameRenderer {
             texture(arrays.photo.view()),
             wgpu::BindingResource::Sampler(&self.sampler),
             texture(arrays.minima.as_ref().map_or(&self.no_minima, |minima| minima.view())),
+            self.buffers.seasons.as_entire_binding(),
         ];
         bind(device, "frame", &self.frame_layout, resources)
     }
@@ -497,6 +510,11 @@ impl FrameRenderer {
     }
 }
 
+/// Whether the day differs from high summer.
+fn has_season(view: &View) -> bool {
+    view.flags & FLAG_SEASON != 0
+}
+
 fn shade_variant(
     format: wgpu::TextureFormat,
     arrays: &TileArrays,
@@ -508,6 +526,7 @@ fn shade_variant(
         photo: !tables.pages.is_empty(),
         surface: arrays.surface.side() > 1,
         shadows: view.shadow_steps > 0,
+        season: has_season(view),
         trees: false,
     }
 }

@@ -198,6 +198,12 @@ export class Panel {
     const sun = element("sun");
     sun.value = map.time().slice(0, 16);
     sun.addEventListener("change", () => sun.value && map.set_time(`${sun.value}:00Z`));
+    for (const button of element("seasons").children) {
+      button.addEventListener("click", () => {
+        map.set_season(button.value);
+        sun.value = map.time().slice(0, 16);
+      });
+    }
   }
 
   #update() {

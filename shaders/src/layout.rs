@@ -171,6 +171,9 @@ pub struct View {
     pub scene_seed: u32,
     /// Zero.
     pub padding: [u32; 3],
+    /// As `treeline_core::seeds::season::YearDay` has it: day, degrees beyond 47, strength of the seasons, height of
+    /// the snow line (metres). Looked at only by variants with seasons.
+    pub season: [f32; 4],
 }
 
 /// What the height-field pass knows beside the view: bind group 0, binding 10.

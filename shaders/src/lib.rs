@@ -8,6 +8,7 @@ pub mod height_field;
 pub mod layout;
 pub mod lighting;
 pub mod load_map;
+pub mod season;
 pub mod trees;
 pub mod twin;
 
@@ -119,6 +120,7 @@ impl Pass {
                 PLACE_FROM_EYE,
                 TREE_LAYOUT,
                 LEAF_AT,
+                SEASON,
                 include_str!("../wgsl/tree_lights.wgsl"),
                 include_str!("../wgsl/select_trees.wgsl"),
             ],
@@ -134,6 +136,8 @@ impl Pass {
                 SEEDS,
                 CROWNS,
                 CROWN_LIGHT,
+                SEASON,
+                CANOPY_SEASON,
                 include_str!("../wgsl/forest.wgsl"),
                 include_str!("../wgsl/shade.wgsl"),
             ],
@@ -149,6 +153,8 @@ impl Pass {
                 SEEDS,
                 CROWNS,
                 CROWN_LIGHT,
+                SEASON,
+                CANOPY_SEASON,
                 include_str!("../wgsl/forest.wgsl"),
                 include_str!("../wgsl/shade.wgsl"),
                 LEAF_AT,
@@ -200,6 +206,10 @@ pub const LIGHTING: &str = include_str!("../wgsl/lighting.wgsl");
 pub const SEEDS: &str = include_str!("../wgsl/seeds.wgsl");
 /// Trees along a ray where the heights do not hold them; needs [`SEEDS`], and [`SKY`] for π.
 pub const CROWNS: &str = include_str!("../wgsl/crowns.wgsl");
+/// The year of species, herbs and snow; needs [`LIGHTING`].
+pub const SEASON: &str = include_str!("../wgsl/season.wgsl");
+/// The year in the canopy of the heights; needs [`SEASON`] and the material's nodes.
+pub const CANOPY_SEASON: &str = include_str!("../wgsl/canopy_season.wgsl");
 /// Light among the crowns of [`CROWNS`]; needs [`LIGHTING`].
 pub const CROWN_LIGHT: &str = include_str!("../wgsl/crown_light.wgsl");
 

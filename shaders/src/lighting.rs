@@ -17,26 +17,29 @@ pub struct ShadeVariant {
     pub water: bool,
     /// Shadows and the sky's visibility are wanted; otherwise `View::shadow_steps` is not looked at.
     pub shadows: bool,
+    /// The day differs from high summer.
+    pub season: bool,
     /// The target's format does not encode sRGB: the shader does.
     pub encode_srgb: bool,
 }
 
 impl Default for ShadeVariant {
-    /// Everything, on a target that encodes sRGB itself.
+    /// Everything that a scene may have, in summer, on a target that encodes sRGB itself.
     fn default() -> Self {
-        Self { photo: true, canopy: true, water: true, shadows: true, encode_srgb: false }
+        Self { photo: true, canopy: true, water: true, shadows: true, season: false, encode_srgb: false }
     }
 }
 
 impl ShadeVariant {
     /// The pipeline constants, as wgpu wants them.
-    pub fn constants(self) -> [(&'static str, f64); 5] {
+    pub fn constants(self) -> [(&'static str, f64); 6] {
         let number = |flag: bool| f64::from(u8::from(flag));
         [
             ("WITH_PHOTO", number(self.photo)),
             ("WITH_CANOPY", number(self.canopy)),
             ("WITH_WATER", number(self.water)),
             ("WITH_SHADOWS", number(self.shadows)),
+            ("WITH_SEASON", number(self.season)),
             ("ENCODE_SRGB", number(self.encode_srgb)),
         ]
     }

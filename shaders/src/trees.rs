@@ -123,7 +123,8 @@ pub struct TreeInstance {
     pub seed: u32,
     /// Anchor, quanta of the anchors' level.
     pub ground: i32,
-    /// Height, 1/1024 m; [`PRIMARY`] is set but on the second of two levels of one tree.
+    /// Height, 1/1024 m; [`PRIMARY`] is set but on the second of two levels of one tree; leaves and snow
+    /// ([`crate::season`]) above it.
     pub height_units: u32,
     /// Reflectance of the leaves; w: share of the sun's disc that its top sees.
     pub colour: [f32; 4],

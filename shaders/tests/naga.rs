@@ -4,6 +4,7 @@ use naga::{Module, TypeInner};
 use std::mem::{offset_of, size_of};
 use treeline_shaders::layout::{Leaf, Sheet, TexturePage, View};
 use treeline_shaders::load_map::{LoadMapFrame, LoadMapLevel};
+use treeline_shaders::season::SeasonRow;
 use treeline_shaders::trees::{Draw, SeedCell, SeedFrame, SeedSpecies, TreeCells, TreeDraw, TreeInstance};
 use treeline_shaders::{Pass, source};
 
@@ -40,7 +41,7 @@ fn structs_are_laid_out_alike_on_both_sides() {
             h_cross_maximum_fade, eye_cell, first_cell, cells, grid_origin, grid_side, slot, level, stand_in,
             cell_metres, distance_range),
         layout_of!(View: right, up, forward, sun, size, root_size, eye_grid, eye_inside, wraps, root_level,
-            shadow_steps, flags, frame, grid_place, tree_size, scene_seed),
+            shadow_steps, flags, frame, grid_place, tree_size, scene_seed, season),
         layout_of!(Sheet: eye_patch, base, eye_patch_known, padding),
         layout_of!(TexturePage: slot, children, fade, padding),
     ];
@@ -86,6 +87,9 @@ fn trees_are_laid_out_alike_on_both_sides() {
 fn what_draws_trees_is_laid_out_alike_on_both_sides() {
     compare(&parsed(Pass::ShadeTrees), [layout_of!(TreeCells: first, range, padding, bits)]);
     compare(&parsed(Pass::Trees), [layout_of!(TreeDraw: model, foliage)]);
+    for pass in [Pass::Shade, Pass::ShadeTrees, Pass::SelectTrees] {
+        compare(&parsed(pass), [layout_of!(SeasonRow: out_turn, fall, turned, bare)]);
+    }
 }
 
 #[test]

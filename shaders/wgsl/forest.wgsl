@@ -38,7 +38,29 @@ struct ForestPoint {
 fn forest_radiance(point: ForestPoint, ground: Ground, lit: Lit, colour: vec3<f32>) -> vec4<f32> {
     // No two stands are of one green.
     let stand_tint = metric_noise(ground, 30.0, point.footprint, 26u) + metric_noise(ground, 90.0, point.footprint, 27u);
-    let leaf = forest_reflectance(colour);
+    var leaf = forest_reflectance(colour);
+    if !WITH_SEASON {
+        return leafy_forest(point, ground, lit, leaf, stand_tint);
+    }
+    let height = ground.height - point.canopy_height;
+    let canopy = seasonal_canopy(point.cell, point.slot, height, leaf);
+    let snow = snow_at(height - 40.0);
+    // Tops are white, flanks less so: the more is seen of them the steeper one looks down. Bare twigs hold little.
+    let from_above = saturate(0.35 - 0.65 * dot(lit.direction, lit.up));
+    let held = snow * mix(0.12, 0.5, from_above) * mix(0.5, 1.0, canopy.a);
+    leaf = mix(canopy.rgb, SNOW_WHITE, held);
+    let crowns = leafy_forest(point, ground, lit, leaf, stand_tint);
+    let gaps = BARE_GAPS * (1.0 - canopy.a);
+    if gaps <= 0.0 {
+        return crowns;
+    }
+    var below = lit;
+    below.normal = normalize(point.wide_normal + 0.3 * lit.up);
+    below.sun_visible *= 0.7;
+    return vec4<f32>(mix(crowns.rgb, bare_radiance(below, winter_floor(canopy.rgb, snow)), gaps), crowns.a);
+}
+
+fn leafy_forest(point: ForestPoint, ground: Ground, lit: Lit, leaf: vec3<f32>, stand_tint: f32) -> vec4<f32> {
     if point.cell_metres.y > CROWN_CELLS {
         return far_forest(point, ground, lit, leaf, stand_tint);
     }

@@ -1,4 +1,4 @@
-// Group 0: the frame's, the same for every pass that looks at the scene (docs/ARCHITECTURE.md).
+// Group 0 (binding 10 is `season.wgsl`'s): the frame's, the same for every pass that looks at the scene (docs/ARCHITECTURE.md).
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<storage, read> nodes: array<u32>;

@@ -48,6 +48,7 @@ struct View {
     grid_place: vec2<u32>,
     tree_size: vec2<f32>,
     scene_seed: u32,
+    season: vec4<f32>,
 }
 
 struct Sheet {

@@ -6,6 +6,9 @@ const TYPE_WATER: u32 = 2u;
 const TYPE_ROCK: u32 = 3u;
 const TYPE_SNOW: u32 = 4u;
 const TYPE_GRASS: u32 = 5u;
+// Bits of a node's type; the code of its canopy's species is above them.
+const SPECIES_SHIFT: u32 = 3u;
+const TYPE_MASK: u32 = 7u;
 // Unit of canopy heights in `surface`, metres.
 const CANOPY_UNIT: f32 = 0.25;
 
@@ -29,11 +32,12 @@ fn node_surface(node: vec2<i32>, slot: u32) -> vec2<u32> {
 }
 
 fn add_node(cover: ptr<function, Cover>, node: vec2<u32>, share: f32) {
-    (*cover).canopy += select(0.0, share, node.x == TYPE_CANOPY);
-    (*cover).water += select(0.0, share, node.x == TYPE_WATER);
-    (*cover).rock += select(0.0, share, node.x == TYPE_ROCK);
-    (*cover).snow += select(0.0, share, node.x == TYPE_SNOW);
-    (*cover).grass += select(0.0, share, node.x == TYPE_GRASS);
+    let kind = node.x & TYPE_MASK;
+    (*cover).canopy += select(0.0, share, kind == TYPE_CANOPY);
+    (*cover).water += select(0.0, share, kind == TYPE_WATER);
+    (*cover).rock += select(0.0, share, kind == TYPE_ROCK);
+    (*cover).snow += select(0.0, share, kind == TYPE_SNOW);
+    (*cover).grass += select(0.0, share, kind == TYPE_GRASS);
     (*cover).canopy_height += share * f32(node.y) * CANOPY_UNIT;
 }
 

@@ -7,6 +7,7 @@
 
 override WITH_PHOTO: bool = true;
 override WITH_SHADOWS: bool = true;
+override WITH_SEASON: bool = false;
 
 // Bins: 255 species of four levels, and one that counts every tree once.
 const MOST_BINS: u32 = 1021u;
@@ -424,7 +425,7 @@ fn scatter(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
     let place = counts[((bins.x - 1u) * blocks) + seed.block] + before.x;
     let until = select(both, own, bins.y != 0u);
     var tree_instance = TreeInstance(
-        foot, base | (until << 24u), seed_word, tree.ground, tree.height | 0x10000u,
+        foot, base | (until << 24u), seed_word, tree.ground, tree.height | 0x10000u | lights.season,
         lights.colour, lights.sun, lights.sky, lights.air,
     );
     let room = arrayLength(&instances);
@@ -437,7 +438,7 @@ fn scatter(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
             return;
         }
         tree_instance.look = base | (own << 16u) | (both << 24u);
-        tree_instance.height_units = tree.height;
+        tree_instance.height_units = tree.height | lights.season;
         instances[second] = tree_instance;
     }
 }

@@ -7,6 +7,7 @@ override WITH_PHOTO: bool = true;
 override WITH_CANOPY: bool = true;
 override WITH_WATER: bool = true;
 override WITH_SHADOWS: bool = true;
+override WITH_SEASON: bool = false;
 // Set where the target's format does not encode sRGB itself.
 override ENCODE_SRGB: bool = false;
 
@@ -120,10 +121,15 @@ fn shaded_ground(direction: vec3<f32>, distance: f32, hit: vec4<u32>, dither: f3
         base = mix(base, reflectance_of_photo(sample.rgb / max(sample.a, 1e-3)), sample.a);
     }
 
+    let summer = base;
+    if WITH_SEASON {
+        base = seasonal_ground(base, height);
+    }
     // Detail below the photo's and the heights' own, where the eye is near enough to miss it.
     let fine = metric_noise(ground, 0.6, footprint, 11u) + metric_noise(ground, 2.4, footprint, 12u);
     let coarse = metric_noise(ground, 9.0, footprint, 13u);
-    base *= 1.0 + 0.10 * fine + 0.07 * coarse;
+    let detail = 1.0 + 0.10 * fine + 0.07 * coarse;
+    base *= detail;
 
     let sun_cosine = dot(up, view.sun.xyz);
     var lit = Lit(normal, up, direction, vec3<f32>(0.0), sky_ambient(sun_cosine), 0.0, 1.0);
@@ -145,6 +151,11 @@ fn shaded_ground(direction: vec3<f32>, distance: f32, hit: vec4<u32>, dither: f3
         let white = mix(base, vec3<f32>(0.86, 0.88, 0.91), 0.6 * smoothstep(0.15, 0.6, luminance(base)));
         radiance = mix(radiance, snow_radiance(lit, white), cover.snow);
     }
+    if WITH_SEASON {
+        let patches = 60.0 * metric_noise(ground, 90.0, footprint, 51u) + 35.0 * metric_noise(ground, 13.0, footprint, 52u);
+        let snow = snow_on(height - cover.canopy_height + patches, normal, up);
+        radiance = mix(radiance, snow_radiance(lit, SNOW_WHITE * (1.0 + 0.03 * fine)), snow);
+    }
     if WITH_CANOPY {
         let forest = max(cover.canopy, smoothstep(0.5, 3.0, cover.canopy_height));
         // Where cells are long, single trees raise their mean by little, and still are seen.
@@ -157,7 +168,7 @@ fn shaded_ground(direction: vec3<f32>, distance: f32, hit: vec4<u32>, dither: f3
                 vec3<f32>(dot(direction, frame.u) * cell_metres.x, dot(direction, frame.v) * cell_metres.y, dot(direction, frame.h)),
                 toward, normalize(frame.u), normalize(frame.v), normal, wide,
             );
-            let seen = forest_radiance(point, ground, lit, base);
+            let seen = forest_radiance(point, ground, lit, summer * detail);
             radiance = mix(radiance, seen.rgb, seen.a);
         }
     }

@@ -7,10 +7,29 @@ const NEAR_METRES: f32 = 0.1;
 // Shares of the sky's and the sun's light that a canopy leaves to the ground under it.
 const CANOPY_SKY: f32 = 0.35;
 const CANOPY_SUN: f32 = 0.16;
+// What is higher over the ground is canopy, metres: the walls at the rims of crowns, too.
+const CANOPY_FOOT: f32 = 0.05;
 
 struct ShadedWithDepth {
     @location(0) colour: vec4<f32>,
     @builtin(frag_depth) depth: f32,
+}
+
+// How much of a wood is about a point of its ground, and how much of that is bare: crowns some metres away count, so
+// that a tree's foot is not cut out with its crown's outline.
+fn wood_about(cell: vec2<f32>, slot: u32, height: f32, reach: vec2<f32>) -> vec2<f32> {
+    var wood = vec2<f32>(0.0);
+    for (var tap = 0; tap < 9; tap++) {
+        let offset = vec2<f32>(f32(tap % 3), f32(tap / 3)) - 1.0;
+        let node = node_surface(vec2<i32>(round(cell + (offset * reach))), slot);
+        let share = smoothstep(0.5, 3.0, f32(node.y) * CANOPY_UNIT);
+        var bare = 0.0;
+        if WITH_SEASON {
+            bare = 1.0 - foliage_at(season_row(node.x >> SPECIES_SHIFT), height).leaves;
+        }
+        wood += share * vec2<f32>(1.0, bare);
+    }
+    return vec2<f32>(saturate(1.5 * wood.x / 9.0), wood.y / max(wood.x, 1e-3));
 }
 
 // The ground under a wood: its own light is what the crowns above leave of it.
@@ -39,9 +58,20 @@ fn forest_floor(direction: vec3<f32>, below: Below, dither: f32) -> vec3<f32> {
     // Litter, moss and herbs.
     let fine = metric_noise(ground, 0.5, footprint, 41u) + metric_noise(ground, 1.7, footprint, 42u);
     let patches = metric_noise(ground, 6.0, footprint, 43u);
-    let wooded = smoothstep(0.5, 3.0, cover.canopy_height);
+    let wood = wood_about(below.cell, slot, height, vec2<f32>(3.5) / cell_metres);
+    let wooded = wood.x;
     let litter = mix(base, vec3<f32>(0.085, 0.07, 0.042), 0.45 * wooded * (0.6 + 0.4 * patches));
     base = litter * (1.0 + 0.16 * fine + 0.1 * patches);
+    var bare = 0.0;
+    if WITH_SEASON {
+        let canopy = seasonal_canopy(below.cell, slot, height, base);
+        bare = wooded * wood.y;
+        let snow = snow_on(height + 50.0 * patches, normal, up);
+        let floor_colour = winter_floor(canopy.rgb, 0.0) * (1.0 + 0.2 * fine + 0.15 * patches);
+        base = mix(seasonal_ground(base, height), floor_colour, bare);
+        // Evergreens hold back some of the snow.
+        base = mix(base, SNOW_WHITE, snow * mix(0.8, 0.95, max(bare, 1.0 - wooded)));
+    }
     let sun_cosine = dot(up, view.sun.xyz);
     var lit = Lit(normal, up, direction, sun_transmittance(height, sun_cosine), sky_ambient(sun_cosine), smoothstep(-0.012, 0.006, sun_cosine), 1.0);
     if WITH_SHADOWS {
@@ -49,9 +79,9 @@ fn forest_floor(direction: vec3<f32>, below: Below, dither: f32) -> vec3<f32> {
         if sun_cosine > -0.01 {
             lit.sun_visible *= sun_visibility(ground, toward, dither);
         }
-        lit.sky_visible = max(sky_visibility(ground, 8.0, 60.0), CANOPY_SKY * wooded);
+        lit.sky_visible = max(sky_visibility(ground, 8.0, 60.0), mix(CANOPY_SKY, 0.8, bare) * wooded);
         // Specks of sun come through any canopy, and leaves pass light on.
-        lit.sun_visible = mix(lit.sun_visible, max(lit.sun_visible, CANOPY_SUN), wooded * smoothstep(-0.012, 0.006, sun_cosine));
+        lit.sun_visible = mix(lit.sun_visible, max(lit.sun_visible, mix(CANOPY_SUN, 0.6, bare)), wooded * smoothstep(-0.012, 0.006, sun_cosine));
     }
     let radiance = bare_radiance(lit, base);
     let air = air_along(direction, 0.0, below.distance, 5u);
@@ -77,9 +107,19 @@ fn shade_with_trees(@builtin(position) position: vec4<f32>) -> ShadedWithDepth {
         let units_per_cell = f32(leaves[index].grid_side) / vec2<f32>(leaves[index].cells);
         let offset = clamp(cell - vec2<f32>(leaves[index].first_cell), vec2<f32>(0.0), vec2<f32>(leaves[index].cells)) * units_per_cell;
         let place = moved(MapPlace(leaves[index].grid_origin, vec2<f32>(0.0)), offset);
-        if cover_at(cell, slot).canopy_height > 0.5 && has_trees(place.unit) {
+        let cover = cover_at(cell, slot);
+        let gives_way = has_trees(place.unit) && canopy_share(distance) <= dither;
+        if gives_way && cover.canopy_height <= CANOPY_FOOT && cover.water <= 0.0 {
+            // In a gap between crowns: the walls that the heights have about it are not there either.
+            let reach = vec2<f32>(3.5) / leaves[index].cell_metres;
+            if wood_about(cell, slot, 0.0, reach).x > 0.0 {
+                let gap = Below(true, distance, index, cell, place, false);
+                return ShadedWithDepth(picture_colour(forest_floor(direction, gap, dither), dither), NEAR_METRES / max(distance * ahead, NEAR_METRES));
+            }
+        }
+        if cover.canopy_height > CANOPY_FOOT && has_trees(place.unit) {
             behind = CANOPY_DEPTH;
-            if canopy_share(distance) <= dither {
+            if gives_way {
                 let frame = tile_frame(index, direction * distance);
                 let rate = vec2<f32>(dot(direction, frame.u), dot(direction, frame.v)) * units_per_cell;
                 let height = height_at(cell, slot, true);

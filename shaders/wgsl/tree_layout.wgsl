@@ -57,7 +57,8 @@ struct TreeInstance {
     seed: u32,
     // Anchor, quanta.
     ground: i32,
-    // Height in 1/1024 m; bit 16: not a second level of a tree that has another.
+    // Height in 1/1024 m; bit 16: not a second level of a tree that has another; from bit 17 its leaves, of 127, and
+    // from bit 24 the snow on it, of 255.
     height_units: u32,
     // Reflectance of its leaves; w: share of the sun's disc that its top sees.
     colour: vec4<f32>,

@@ -6,6 +6,8 @@ struct TreeLights {
     sun: vec4<f32>,
     sky: vec4<f32>,
     air: vec4<f32>,
+    // Leaves from bit 17 on, of 127; snow from bit 24 on, of 255.
+    season: u32,
 }
 
 // Width of ground whose photo says what colour a tree has, metres.
@@ -36,6 +38,17 @@ fn lights_of(cell: SeedCell, tree: SeedTree, placed: PlacedTree, away: f32) -> T
     // No two trees are of one green.
     let tone = f32(tree.bits >> 24u) / 255.0;
     colour = forest_reflectance(colour) * (0.86 + 0.28 * tone);
+    var season = 127u << 17u;
+    if WITH_SEASON {
+        let row = season_row(tree.species + 1u);
+        let foot = top - placed.height;
+        // No two trees keep the same days.
+        let foliage = foliage_at(row, foot + 260.0 * (tone - 0.5));
+        let leaf = seasonal_leaf(row, foliage, colour);
+        colour = mix(season_rows[row].bare.rgb, leaf, smoothstep(0.0, 0.3, foliage.leaves));
+        let snow = snow_at(foot - 40.0);
+        season = (u32(round(127.0 * foliage.leaves)) << 17u) | (u32(round(255.0 * snow)) << 24u);
+    }
     if WITH_SHADOWS && index != EMPTY {
         let units_per_cell = f32(leaves[index].grid_side) / vec2<f32>(leaves[index].cells);
         // From just above its own crown: what stands in the light is other than itself.
@@ -52,5 +65,6 @@ fn lights_of(cell: SeedCell, tree: SeedTree, placed: PlacedTree, away: f32) -> T
         vec4<f32>(sun_transmittance(top, sun_cosine), exposure()),
         vec4<f32>(sky_ambient(sun_cosine), sky_seen),
         vec4<f32>(air.inscatter, luminance(air.transmittance)),
+        season,
     );
 }

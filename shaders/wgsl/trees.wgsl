@@ -2,6 +2,7 @@
 // whole tree comes with its instance (`select_trees`).
 
 override ENCODE_SRGB: bool = false;
+override WITH_SEASON: bool = false;
 
 // Distance that a depth of 1 stands for, metres: depths are this over the distance along the view axis.
 const NEAR_METRES: f32 = 0.1;
@@ -13,6 +14,9 @@ const ALPHA_HASH: f32 = 0.45;
 const GROUND_TINT: f32 = 0.95;
 // Leaves shade each other within what a model can show of them: share of their light that is left.
 const LEAF_LIGHT: f32 = 0.78;
+// Share of a bare crown's leafy texels that stand for twigs.
+const BARE_TWIGS: f32 = 0.22;
+const SNOW_WHITE: vec3<f32> = vec3<f32>(0.80, 0.83, 0.88);
 
 // What a draw knows of its model.
 struct TreeDraw {
@@ -103,6 +107,19 @@ fn tree_fragment(in: TreeVertex) -> @location(0) vec4<f32> {
     if texture.a < limit || share < f32(in.look.x) || share >= f32(in.look.y) + select(0.0, 1.0, in.look.y == 255u) {
         discard;
     }
+    var leaves = 1.0;
+    var snow = 0.0;
+    if WITH_SEASON {
+        let bits = instances[in.look.w].height_units;
+        leaves = f32((bits >> 17u) & 127u) / 127.0;
+        snow = f32(bits >> 24u) / 255.0;
+        // Where leaves are gone, twigs are left: what is painted brown, and some of the rest.
+        let woody = smoothstep(-0.01, 0.02, texture.r - texture.g);
+        let kept = max(mix(BARE_TWIGS, 1.0, leaves), woody);
+        if in.shade.y > 0.5 && texel_hash(texel, max(scale, 2.0), in.look.z + 7u) > kept {
+            discard;
+        }
+    }
     let colour = instances[in.look.w].colour;
     let sun = instances[in.look.w].sun;
     let sky = instances[in.look.w].sky;
@@ -114,9 +131,18 @@ fn tree_fragment(in: TreeVertex) -> @location(0) vec4<f32> {
     let tint = mix(vec3<f32>(1.0), colour.rgb / max(tree_draw.foliage.rgb, vec3<f32>(1e-3)), GROUND_TINT);
     // As the canopy of the heights has it: bright at the tops, dark between them.
     let place = in.shade.x * (0.35 + 0.65 * in.shade.x);
-    let leaf = canopy_radiance(lit, LEAF_LIGHT * texture.rgb * tint, crown_light(lit, place));
+    var leaf_colour = LEAF_LIGHT * texture.rgb * tint;
+    var wood_colour = texture.rgb;
+    if WITH_SEASON {
+        // Snow lies on what looks up.
+        let upward = dot(in.normal, up) + 0.35 * (texel_hash(texel, max(scale, 6.0), in.look.z) - 0.5);
+        let lies = snow * smoothstep(0.25, 1.0, upward) * mix(0.25, 1.0, place);
+        leaf_colour = mix(leaf_colour, SNOW_WHITE, lies * mix(0.35, 0.6, leaves));
+        wood_colour = mix(wood_colour, SNOW_WHITE, 0.6 * lies);
+    }
+    let leaf = canopy_radiance(lit, leaf_colour, crown_light(lit, place));
     // Wood stands in the crown's shade.
-    let wood = bare_radiance(lit, texture.rgb) * mix(0.2, 0.8, place);
+    let wood = bare_radiance(lit, wood_colour) * mix(mix(0.2, 0.8, place), 0.9, 1.0 - leaves);
     let radiance = mix(wood, leaf, in.shade.y) * air.w + air.rgb;
     let display = tone_mapped(radiance * sun.w);
     if ENCODE_SRGB {

@@ -9,6 +9,8 @@ use treeline_client::passes::compress_photo::PhotoCompression;
 use treeline_client::stream::SurfaceChoice;
 use treeline_client::stream::tile_choice::TileChoice;
 use treeline_client::stream::tree_field::FARTHEST_METRES;
+use treeline_core::seeds::season::NamedSeason;
+use treeline_core::sun::unix_seconds_from_rfc3339;
 use treeline_server::cli::SceneArguments;
 
 /// Draws one picture of a scene or of a height field, without a browser. Without a source: the
@@ -64,6 +66,12 @@ pub struct Arguments {
     /// Steps of the march toward the sun; 0 for no shadows.
     #[arg(long, value_name = "N", default_value_t = treeline_client::engine::DEFAULT_SHADOW_STEPS, allow_hyphen_values = true, value_parser = whole::<0, 1000>)]
     pub shadow_steps: u32,
+    /// Date and time of the sun and of the seasons, as in 2026-10-15T14:00:00Z. [default: the scene's]
+    #[arg(long, value_name = "TIME", value_parser = time, conflicts_with = "season")]
+    pub time: Option<f64>,
+    /// The season by name in place of a date: spring, summer, autumn or winter, at the scene's time of day.
+    #[arg(long, value_name = "NAME", value_parser = season)]
+    pub season: Option<NamedSeason>,
     /// Up to which distance trees are drawn one by one, metres, 1400 at most; 0 for none. [default: 1000, on
     /// adapters that run on the processor 400]
     #[arg(long, value_name = "METRES", allow_hyphen_values = true, value_parser = distance)]
@@ -190,6 +198,11 @@ impl Arguments {
         if self.trees.is_some() {
             return Err(ShotError::input("--trees: nothing grows on a height field; leave the flag out"));
         }
+        if self.time.is_some() || self.season.is_some() {
+            return Err(ShotError::input(
+                "--time and --season: a height field has no sun and no seasons; leave them out",
+            ));
+        }
         if self.camera.is_none() {
             return Err(ShotError::input("--heightfield needs --camera CAMERA.JSON with eye and target"));
         }
@@ -213,6 +226,16 @@ fn metres(text: &str) -> Result<f64, String> {
 fn distance(text: &str) -> Result<f64, String> {
     let number = text.trim().parse::<f64>().ok().filter(|number| (0.0..=FARTHEST_METRES).contains(number));
     number.ok_or_else(|| format!("it must be a length in metres, 0 to {FARTHEST_METRES}"))
+}
+
+/// A time, as seconds since 1970.
+fn time(text: &str) -> Result<f64, String> {
+    unix_seconds_from_rfc3339(text).map_err(|error| error.to_string())
+}
+
+fn season(text: &str) -> Result<NamedSeason, String> {
+    let names = NamedSeason::ALL.map(|(name, ..)| name).join(", ");
+    NamedSeason::from_name(text).ok_or_else(|| format!("there is no such season; they are {names}"))
 }
 
 fn pair(text: &str) -> Result<[f64; 2], String> {
@@ -305,6 +328,9 @@ mod tests {
             ("shot --size 6x5 --color o.png --repeat 0", "1 to 10000"),
             ("shot --size 6x5 --color o.png --tree-distance -1", "0 to 1400"),
             ("shot --size 6x5 --color o.png --steps -1", "--steps"),
+            ("shot --size 6x5 --color o.png --time noon", "2026-07-15T09:00:00Z"),
+            ("shot --size 6x5 --color o.png --season fall", "spring, summer, autumn, winter"),
+            ("shot --size 6x5 --color o.png --season winter --time 2026-01-01T09:00:00Z", "--time"),
             ("shot --size 6x5 --color o.png --shadow-steps x", "0 to 1000"),
             ("shot --size 6x5 --color o.png --cell-size nan", "--cell-size"),
             ("shot --size 6x5 --color o.png --earth-radius -5", "more than 0"),

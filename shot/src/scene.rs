@@ -13,6 +13,8 @@ use treeline_client::engine::{Engine, EngineOptions, ViewRequest};
 use treeline_client::headless::{self, Capture, SelectedTree, Session};
 use treeline_client::stream::StreamOptions;
 use treeline_core::layer::Layer;
+use treeline_core::scene::SceneDescription;
+use treeline_core::sun::unix_seconds_from_rfc3339;
 use treeline_core::tile::TileAddress;
 
 /// Settles, draws and writes.
@@ -26,7 +28,7 @@ pub fn shoot(arguments: &Arguments) -> Result<(), ShotError> {
         camera: camera.unwrap_or(scene.camera),
         width,
         height,
-        sun_unix_seconds: None,
+        sun_unix_seconds: time(arguments, &scene)?,
         shadow_steps: arguments.shadow_steps,
     };
     let options = EngineOptions {
@@ -69,6 +71,13 @@ pub fn shoot(arguments: &Arguments) -> Result<(), ShotError> {
         output::write("--stats", path, format!("{document:#}\n").as_bytes())?;
     }
     Ok(())
+}
+
+/// When it is, where the command line says so: seconds since 1970.
+fn time(arguments: &Arguments, scene: &SceneDescription) -> Result<Option<f64>, ShotError> {
+    let Some(season) = arguments.season else { return Ok(arguments.time) };
+    let own = unix_seconds_from_rfc3339(&scene.sun.time).map_err(ShotError::failure)?;
+    Ok(Some(season.near(own, scene.extent.centre().1)))
 }
 
 /// The table of `--trees`.

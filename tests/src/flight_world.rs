@@ -127,7 +127,7 @@ fn elevation(address: TileAddress) -> Vec<u8> {
     let blocks = 64_usize;
     let cells = CELLS as usize / blocks;
     let maxima = (0..blocks * blocks).map(|index| if land[index % blocks * cells] { bound } else { VOID });
-    let surface = Some(Surface { types: vec![5; side * side], canopy: vec![0; side * side] });
+    let surface = Some(Surface { types: vec![5; side * side], canopy: vec![0; side * side], species: None });
     let (maxima_side, maxima) = (blocks as u32, maxima.collect());
     ElevationTile { level: address.level, side: ELEVATION_SIDE, heights, maxima_side, maxima, surface }
         .encode()

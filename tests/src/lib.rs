@@ -14,6 +14,7 @@ pub mod geotiff;
 pub mod gpu;
 pub mod height_field;
 pub mod http_tiles;
+pub mod kernel;
 pub mod load_map;
 pub mod load_map_gpu;
 pub mod picture;

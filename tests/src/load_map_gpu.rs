@@ -9,6 +9,7 @@ use treeline_client::gpu::targets::Targets;
 use treeline_client::passes::frame_layout;
 use treeline_client::passes::load_map::LoadMap;
 use treeline_client::passes::terrain::Terrain;
+use treeline_core::seeds::season;
 use treeline_shaders::layout::{EMPTY, TexturePage};
 use treeline_shaders::load_map::CELLS;
 
@@ -97,6 +98,8 @@ impl Scene<'_> {
         let leaves = buffer(bytemuck::cast_slice(&self.frame.leaves), wgpu::BufferUsages::STORAGE);
         let page = TexturePage { slot: EMPTY, children: EMPTY, ..TexturePage::default() };
         let pages = buffer(bytemuck::bytes_of(&page), wgpu::BufferUsages::STORAGE);
+        // No pass of these looks at it.
+        let seasons = buffer(&[0; 64 * season::ROWS], wgpu::BufferUsages::UNIFORM);
         let texture = wgpu::BindingResource::TextureView;
         let resources = [
             view.as_entire_binding(),
@@ -109,6 +112,7 @@ impl Scene<'_> {
             texture(&photo),
             wgpu::BindingResource::Sampler(&sampler),
             texture(&minima),
+            seasons.as_entire_binding(),
         ];
         let entries: Vec<_> = resources
             .into_iter()

@@ -2,7 +2,9 @@
 
 use crate::stream::page_table::Tables;
 use bytemuck::Zeroable;
+use treeline_core::seeds::season::ROWS;
 use treeline_shaders::layout::{EMPTY, Leaf, TexturePage, View};
+use treeline_shaders::season::SeasonRow;
 
 /// The buffers of bind group 0.
 #[derive(Debug)]
@@ -15,6 +17,8 @@ pub struct FrameBuffers {
     pub leaves: wgpu::Buffer,
     /// Binding 6.
     pub pages: wgpu::Buffer,
+    /// Binding 10: written once a scene.
+    pub seasons: wgpu::Buffer,
     /// Counts replaced buffers: bind groups of another generation are stale.
     pub generation: u64,
 }
@@ -41,6 +45,12 @@ impl FrameBuffers {
             nodes: storage(device, "nodes", 1 << 10),
             leaves: storage(device, "leaves", 16 << 10),
             pages: storage(device, "texture pages", 4 << 10),
+            seasons: device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some("seasons"),
+                size: (ROWS * size_of::<SeasonRow>()) as u64,
+                usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            }),
             generation: 0,
         }
     }

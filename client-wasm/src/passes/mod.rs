@@ -32,6 +32,7 @@ pub fn frame_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
         array(TextureSampleType::Float { filterable: true }),
         BindingType::Sampler(SamplerBindingType::Filtering),
         loaded(),
+        buffer(BufferBindingType::Uniform),
     ];
     let entries: Vec<wgpu::BindGroupLayoutEntry> = types
         .into_iter()

@@ -15,6 +15,8 @@ pub struct SelectVariant {
     pub photo: bool,
     /// Shadows are marched.
     pub shadows: bool,
+    /// The day differs from high summer.
+    pub season: bool,
 }
 
 /// The pass with its buffers.
@@ -103,7 +105,11 @@ impl SelectTrees {
             label: Some("select_trees"),
             source: wgpu::ShaderSource::Wgsl(source(Pass::SelectTrees).into()),
         });
-        let constants = [flag("WITH_PHOTO", variant.photo), flag("WITH_SHADOWS", variant.shadows)];
+        let constants = [
+            flag("WITH_PHOTO", variant.photo),
+            flag("WITH_SHADOWS", variant.shadows),
+            flag("WITH_SEASON", variant.season),
+        ];
         let pipeline = |name: &str, groups: &[Option<&wgpu::BindGroupLayout>]| {
             let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
                 label: Some(name),

@@ -15,6 +15,8 @@ pub struct ShadeVariant {
     pub surface: bool,
     /// Shadows are marched.
     pub shadows: bool,
+    /// The day differs from high summer.
+    pub season: bool,
     /// Trees are drawn one by one over the picture: the canopy gives way to them, and depths are written.
     pub trees: bool,
 }
@@ -72,6 +74,7 @@ impl Shade {
             canopy: variant.surface,
             water: variant.surface,
             shadows: variant.shadows,
+            season: variant.season,
             encode_srgb: !variant.format.is_srgb(),
         }
         .constants();

@@ -13,11 +13,20 @@ pub const DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 const KEEPS_DEPTHS: wgpu::StoreOp =
     if cfg!(target_arch = "wasm32") { wgpu::StoreOp::Discard } else { wgpu::StoreOp::Store };
 
+/// What the pipeline is specialised for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TreesVariant {
+    /// Format of the picture.
+    pub format: wgpu::TextureFormat,
+    /// The day differs from high summer.
+    pub season: bool,
+}
+
 /// The pass.
 #[derive(Debug)]
 pub struct Trees {
-    /// Format of the picture that it was compiled for.
-    pub format: wgpu::TextureFormat,
+    /// What it was compiled for.
+    pub variant: TreesVariant,
     layout: wgpu::BindGroupLayout,
     draw_layout: wgpu::BindGroupLayout,
     pipeline: wgpu::RenderPipeline,
@@ -62,11 +71,8 @@ fn layouts(device: &wgpu::Device) -> [wgpu::BindGroupLayout; 2] {
 
 impl Trees {
     /// Compiles the pass. `view_layout` is group 0: the view alone.
-    pub fn new(
-        device: &wgpu::Device,
-        view_layout: &wgpu::BindGroupLayout,
-        format: wgpu::TextureFormat,
-    ) -> Self {
+    pub fn new(device: &wgpu::Device, view_layout: &wgpu::BindGroupLayout, variant: TreesVariant) -> Self {
+        let format = variant.format;
         let [layout, draw_layout] = layouts(device);
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("trees"),
@@ -77,7 +83,7 @@ impl Trees {
             bind_group_layouts: &[Some(view_layout), Some(&layout), Some(&draw_layout)],
             immediate_size: 0,
         });
-        let constants = [flag("ENCODE_SRGB", !format.is_srgb())];
+        let constants = [flag("ENCODE_SRGB", !format.is_srgb()), flag("WITH_SEASON", variant.season)];
         let pipeline = device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
             label: Some("trees"),
             layout: Some(&pipeline_layout),
@@ -116,7 +122,7 @@ impl Trees {
             mipmap_filter: wgpu::MipmapFilterMode::Linear,
             ..Default::default()
         });
-        Self { format, layout, draw_layout, pipeline, sampler, groups: None }
+        Self { variant, layout, draw_layout, pipeline, sampler, groups: None }
     }
 
     /// Records the pass over a picture and its depths, and answers how many draws it takes. `view` is bind group 0.

@@ -4,8 +4,10 @@ use super::requests::FetchFailure;
 use std::sync::Arc;
 use treeline_core::codec::elevation::{self, ElevationTile, MAXIMA_BLOCK_CELLS, VOID};
 use treeline_core::codec::land_cover::{LandCoverTile, Step};
+use treeline_core::seeds::season;
 use treeline_core::tile::{CELLS, TileAddress};
 use treeline_shaders::layout::VOID_HEIGHT;
+use treeline_shaders::season::SPECIES_SHIFT;
 
 /// Nodes along a side of an elevation tile with its border.
 pub const ELEVATION_SIDE: u32 = CELLS + 3;
@@ -18,7 +20,8 @@ const BORDER: u32 = 1;
 /// A decoded elevation tile.
 #[derive(Clone, Debug)]
 pub struct ElevationPixels {
-    /// Surface type and canopy height (quarter metres), 515 × 515 pairs; `None` for bare terrain.
+    /// Surface type (and from its fourth bit on the canopy's species) and canopy height (quarter metres), 515 × 515
+    /// pairs; `None` for bare terrain.
     pub surface: Option<Vec<u8>>,
     /// What the CPU keeps.
     pub summary: ElevationSummary,
@@ -178,6 +181,11 @@ pub fn elevation(bytes: &[u8], address: TileAddress) -> Result<ElevationPixels, 
         for ((pair, kind), canopy) in pairs.chunks_exact_mut(2).zip(&surface.types).zip(&surface.canopy) {
             pair.copy_from_slice(&[*kind, *canopy]);
         }
+        for (pair, &code) in pairs.chunks_exact_mut(2).zip(surface.species.iter().flatten()) {
+            // Codes beyond the table of seasons are as none.
+            let known = if usize::from(code) <= season::MOST_SPECIES { code } else { 0 };
+            pair[0] |= known << SPECIES_SHIFT;
+        }
         pairs
     });
     Ok(ElevationPixels { surface, summary: ElevationSummary { heights, own_maxima, deep_maxima, minimum } })
@@ -229,7 +237,7 @@ pub(crate) mod tests {
                 block.map(|(column, row)| heights[(row * ELEVATION_SIDE + column) as usize]).max().unwrap()
             })
             .collect();
-        let surface = Some(Surface { types: vec![5; nodes], canopy: vec![0; nodes] });
+        let surface = Some(Surface { types: vec![5; nodes], canopy: vec![0; nodes], species: None });
         ElevationTile {
             level: address.level,
             side: ELEVATION_SIDE,

@@ -28,6 +28,7 @@ pub struct Models {
     /// What a code follows; `None` where the server has no models.
     base: Option<String>,
     revision: String,
+    /// By code, with those between that grow nowhere.
     species: Vec<(u8, State)>,
     /// Something has come since the models were last looked at.
     changed: bool,
@@ -39,7 +40,9 @@ impl Models {
         Self {
             base: scene.trees.clone().filter(|_| !scene.species.is_empty()),
             revision: scene.revision.clone(),
-            species: scene.species.iter().map(|species| (species.code, State::Unwanted)).collect(),
+            species: (1..=scene.species.iter().map(|species| species.code).max().unwrap_or(0))
+                .map(|code| (code, State::Unwanted))
+                .collect(),
             changed: false,
         }
     }

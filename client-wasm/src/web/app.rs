@@ -8,7 +8,7 @@ use super::events;
 use super::failure::{Failure, text_of};
 use super::fetch;
 use super::graphics::Graphics;
-use super::session::{EngineGround, Session};
+use super::session::{EngineGround, Session, parameter};
 use super::wire::WireLog;
 use crate::controls::Controls;
 use crate::controls::address::Address;
@@ -112,6 +112,8 @@ impl App {
         let resolution =
             if graphics.is_software() { Resolution::for_slow_adapter() } else { Resolution::default() };
         let sun_unix_seconds = address.time.as_deref().and_then(|time| unix_seconds_from_rfc3339(time).ok());
+        // A date in the link says more than a season does.
+        let season = parameter("season").filter(|_| sun_unix_seconds.is_none());
         let session = Session::new(graphics, &scene, 1)?;
         let app = Rc::new(Self {
             window: window.clone(),
@@ -158,6 +160,9 @@ impl App {
         events::listen(&app, &canvas, &window).map_err(|error| Failure::new("failed", text_of(&error)))?;
         app.watch_device();
         app.tell_of_address();
+        if let Some(Err(problem)) = season.map(|name| app.set_season(&name)) {
+            web_sys::console::warn_1(&format!("?season=: {problem}").into());
+        }
         app.canvas_resized();
         Ok(app)
     }

@@ -105,6 +105,14 @@ impl Landscape {
         self.app.set_time(time).map_err(|problem| js_sys::Error::new(&problem).into())
     }
 
+    /// Moves the date to a season: `spring`, `summer`, `autumn` or `winter`.
+    ///
+    /// # Errors
+    /// A line that says which there are.
+    pub fn set_season(&self, name: &str) -> Result<(), JsValue> {
+        self.app.set_season(name).map_err(|problem| js_sys::Error::new(&problem).into())
+    }
+
     /// The scene's description, as `/scene.json` has it.
     pub fn scene(&self) -> Result<JsValue, JsValue> {
         js_sys::JSON::parse(&self.app.scene_json())

@@ -7,6 +7,7 @@ use crate::controls::Input;
 use crate::controls::address::Address;
 use js_sys::Promise;
 use treeline_core::camera::GeographicCamera;
+use treeline_core::seeds::season::NamedSeason;
 use treeline_core::sun::unix_seconds_from_rfc3339;
 use wasm_bindgen::JsValue;
 
@@ -242,6 +243,20 @@ impl App {
         }
         self.wake();
         Ok(())
+    }
+
+    /// Moves the date to a season, and keeps the time of day.
+    pub fn set_season(&self, name: &str) -> Result<(), String> {
+        let Some(season) = NamedSeason::from_name(name) else {
+            let names = NamedSeason::ALL.map(|(name, ..)| name).join(", ");
+            return Err(format!("there is no season {name:?}; they are {names}"));
+        };
+        let now = unix_seconds_from_rfc3339(&self.time()).map_err(|error| error.to_string())?;
+        let then = season.near(now, self.state.borrow().controls.camera().lat);
+        let date = js_sys::Date::new(&(1000.0 * then).into());
+        // Without the milliseconds, as people write it.
+        let text: String = date.to_iso_string().into();
+        self.set_time(&format!("{}Z", text.split('.').next().unwrap_or(&text).trim_end_matches('Z')))
     }
 }
 

@@ -85,7 +85,7 @@ impl Session {
 }
 
 /// A parameter of the page's address.
-fn parameter(name: &str) -> Option<String> {
+pub(super) fn parameter(name: &str) -> Option<String> {
     let search = web_sys::window().and_then(|window| window.location().search().ok()).unwrap_or_default();
     let mut pairs = search.trim_start_matches('?').split('&').filter_map(|pair| pair.split_once('='));
     pairs.find(|(known, _)| *known == name).map(|(_, value)| value.to_owned())

@@ -3,7 +3,8 @@
 //!
 //! Layout: `TLEV`, version u8, level u8, quantum exponent i8, flags u8 (1 voids, 2 surface and
 //! canopy), side u16, maxima side u16, offset i32, planes of heights u8, planes of maxima u8,
-//! 2 zero bytes; then void bits, heights, maxima' void bits, maxima, surface types, canopy heights.
+//! 2 zero bytes; then void bits, heights, maxima' void bits, maxima, surface types, canopy heights, and where
+//! flags have 4 the species of the canopy.
 
 use super::{DecodeError, planes};
 
@@ -12,6 +13,7 @@ const VERSION: u8 = 1;
 const HEADER: usize = 20;
 const FLAG_VOIDS: u8 = 1;
 const FLAG_SURFACE: u8 = 2;
+const FLAG_SPECIES: u8 = 4;
 /// Tiles have 513 nodes and a border; nothing a server of ours sends is larger than this.
 const MAXIMUM_SIDE: usize = 2048;
 
@@ -79,6 +81,8 @@ pub struct Surface {
     pub types: Vec<u8>,
     /// side² canopy heights in quanta: combined elevation minus terrain, rounded to nearest.
     pub canopy: Vec<u8>,
+    /// side² codes of the species whose canopy it is, 0 where there is none; absent where nothing grows.
+    pub species: Option<Vec<u8>>,
 }
 
 impl ElevationTile {
@@ -99,8 +103,10 @@ impl ElevationTile {
         );
         let height_planes = planes::plane_count(&heights);
         let maxima_planes = planes::plane_count(&maxima);
-        let flags =
-            if has_voids { FLAG_VOIDS } else { 0 } | if self.surface.is_some() { FLAG_SURFACE } else { 0 };
+        let species = self.surface.as_ref().and_then(|surface| surface.species.as_ref());
+        let flags = if has_voids { FLAG_VOIDS } else { 0 }
+            | if self.surface.is_some() { FLAG_SURFACE } else { 0 }
+            | if species.is_some() { FLAG_SPECIES } else { 0 };
         let mut out = Vec::with_capacity(HEADER + 5 * heights.len());
         out.extend(MAGIC);
         out.extend([VERSION, self.level, quantum_exponent(self.level) as u8, flags]);
@@ -118,6 +124,7 @@ impl ElevationTile {
         if let Some(surface) = &self.surface {
             out.extend(&surface.types);
             out.extend(&surface.canopy);
+            out.extend(surface.species.iter().flatten());
         }
         out
     }
@@ -150,12 +157,14 @@ impl ElevationTile {
         }
         let (nodes, blocks) = (side * side, maxima_side * maxima_side);
         let void_bytes = if flags & FLAG_VOIDS != 0 { nodes.div_ceil(8) } else { 0 };
+        let has_species = flags & FLAG_SPECIES != 0;
+        let surface_planes = if flags & FLAG_SURFACE != 0 { 2 + usize::from(has_species) } else { 0 };
         let lengths = [
             void_bytes,
             nodes * usize::from(height_planes),
             blocks.div_ceil(8),
             blocks * usize::from(maxima_planes),
-            if flags & FLAG_SURFACE != 0 { 2 * nodes } else { 0 },
+            surface_planes * nodes,
         ];
         let expected = HEADER + lengths.iter().sum::<usize>();
         if bytes.len() != expected {
@@ -177,8 +186,11 @@ impl ElevationTile {
         for (index, value) in maxima.iter_mut().enumerate() {
             *value = if planes::bit(maxima_voids, index) { VOID } else { value.wrapping_add(offset) };
         }
-        let surface = (flags & FLAG_SURFACE != 0)
-            .then(|| Surface { types: surface[..nodes].to_vec(), canopy: surface[nodes..].to_vec() });
+        let surface = (flags & FLAG_SURFACE != 0).then(|| Surface {
+            types: surface[..nodes].to_vec(),
+            canopy: surface[nodes..2 * nodes].to_vec(),
+            species: has_species.then(|| surface[2 * nodes..].to_vec()),
+        });
         Ok(Self { level, side: side as u32, heights, maxima_side: maxima_side as u32, maxima, surface })
     }
 }
@@ -223,6 +235,7 @@ mod tests {
             surface: level.is_multiple_of(2).then(|| Surface {
                 types: (0..nodes).map(|i| (i % 6) as u8).collect(),
                 canopy: vec![7; nodes],
+                species: level.is_multiple_of(4).then(|| vec![3; nodes]),
             }),
         }
     }

@@ -105,6 +105,8 @@ pub struct Crown {
     base: f32,
     anchor: f32,
     shape: CrownShape,
+    /// Code of its species.
+    species: u8,
 }
 
 impl Crown {
@@ -141,6 +143,7 @@ pub fn crowns(scene: &Scene, trees: &[Tree], anchors: &Anchors) -> Vec<Crown> {
                 base: species.definition.crown_base_ratio as f32 * height,
                 anchor: anchors.height(tree.x, tree.y)?,
                 shape: species.definition.crown,
+                species: species.code,
             })
         })
         .collect()
@@ -165,20 +168,21 @@ impl Rows {
         Self { origin_x, origin_y, xs: relative(xs, origin_x), ys: relative(ys, origin_y) }
     }
 
-    /// Raises `out` (row-major) to the crowns' surfaces.
-    pub fn splat(&self, crowns: &[Crown], out: &mut [f32]) {
+    /// Raises `out` (row-major) to the crowns' surfaces, and notes in `kinds` the species of the highest: as wide
+    /// as a height, so that both are chosen by one comparison.
+    pub fn splat(&self, crowns: &[Crown], out: &mut [f32], kinds: &mut [u32]) {
         for crown in crowns {
             match crown.shape {
-                CrownShape::Cone => self.splat_one(crown, out, |q| 1.0 - q.sqrt()),
-                CrownShape::Paraboloid => self.splat_one(crown, out, |q| 1.0 - q),
-                CrownShape::Dome => self.splat_one(crown, out, |q| (1.0 - q).max(0.0).sqrt()),
+                CrownShape::Cone => self.splat_one(crown, out, kinds, |q| 1.0 - q.sqrt()),
+                CrownShape::Paraboloid => self.splat_one(crown, out, kinds, |q| 1.0 - q),
+                CrownShape::Dome => self.splat_one(crown, out, kinds, |q| (1.0 - q).max(0.0).sqrt()),
             }
         }
     }
 
     /// One crown; `surface` is [`CrownShape::surface`] of its shape, known to the compiler.
     #[inline(always)]
-    fn splat_one(&self, crown: &Crown, out: &mut [f32], surface: impl Fn(f32) -> f32) {
+    fn splat_one(&self, crown: &Crown, out: &mut [f32], kinds: &mut [u32], surface: impl Fn(f32) -> f32) {
         let unit_y = UNIT_METRES as f32;
         let unit_x = crown.metres_per_unit_x;
         let (x, y) = ((crown.x - self.origin_x) as f32, (crown.y - self.origin_y) as f32);
@@ -196,12 +200,15 @@ impl Rows {
             let dy = (self.ys[row] - y) * unit_y;
             let dy_squared = dy * dy;
             let first = row * self.xs.len() + columns.start;
-            for (node, &node_x) in out[first..first + xs.len()].iter_mut().zip(xs) {
+            let nodes = out[first..first + xs.len()].iter_mut().zip(&mut kinds[first..first + xs.len()]);
+            for ((node, kind), &node_x) in nodes.zip(xs) {
                 let dx = (node_x - x) * unit_x;
                 let q = (dx * dx + dy_squared) * inverse;
                 let height = crown.anchor + (crown.base + length * surface(q));
                 let height = if q <= 1.0 { height } else { f32::NEG_INFINITY };
-                *node = if height > *node { height } else { *node };
+                let higher = height > *node;
+                *node = if higher { height } else { *node };
+                *kind = if higher { u32::from(crown.species) } else { *kind };
             }
         }
     }
@@ -251,9 +258,9 @@ impl<'a> CrownIndex<'a> {
         Self { crowns, window, side_x, side_y, columns, starts, order }
     }
 
-    /// The highest crown at a place in units, metres; −∞ where there is none.
-    pub fn height(&self, x: f64, y: f64) -> f32 {
-        let mut highest = f32::NEG_INFINITY;
+    /// The highest crown at a place in units, metres, and its species; −∞ and 0 where there is none.
+    pub fn highest(&self, x: f64, y: f64) -> (f32, u32) {
+        let mut highest = (f32::NEG_INFINITY, 0);
         if !x.is_finite() || !y.is_finite() {
             return highest;
         }
@@ -274,7 +281,10 @@ impl<'a> CrownIndex<'a> {
                 let dy = (y - crown.y as f64) as f32 * UNIT_METRES as f32;
                 let squared = (dx * dx + dy * dy) / (crown.radius * crown.radius);
                 if squared <= 1.0 {
-                    highest = highest.max(crown.surface(squared));
+                    let surface = crown.surface(squared);
+                    if surface > highest.0 {
+                        highest = (surface, u32::from(crown.species));
+                    }
                 }
             }
         }

@@ -81,7 +81,9 @@ fn bands(grid: &SampleGrid) -> Vec<SampleGrid> {
 pub fn tile(scene: &Scene, window: &LatticeWindow) -> Result<ElevationTile, RecipeError> {
     let combined = Combined::sample(scene, &SampleGrid::Lattice(*window))?;
     let maxima = maxima(scene, window, &combined)?;
-    let planes = combined.types.map(|types| own::CombinedPlanes { terrain: &combined.terrain, types });
+    let species = Some(combined.species).filter(|species| !species.is_empty());
+    let planes =
+        combined.types.map(|types| own::CombinedPlanes { terrain: &combined.terrain, types, species });
     Ok(own::elevation_tile(window, &combined.heights, &maxima, planes))
 }
 
@@ -93,6 +95,8 @@ pub(super) struct Combined {
     pub heights: Vec<f32>,
     /// Surface types, where the scene knows of any cover there.
     types: Option<Vec<u8>>,
+    /// Codes of the species whose canopy it is, 0 for none; empty where nothing grows.
+    species: Vec<u8>,
     /// Every crown that reaches the grid, where it shows them.
     crowns: Vec<Crown>,
 }
@@ -116,6 +120,9 @@ impl Combined {
             types.extend(part.types.unwrap_or_else(|| vec![SurfaceType::Plain as u8; part.terrain.len()]));
             whole.terrain.extend(part.terrain);
             whole.heights.extend(part.heights);
+            whole.species.extend(part.species);
+            // A part where nothing grows has none.
+            whole.species.resize(whole.terrain.len(), 0);
             whole.crowns.extend(part.crowns);
         }
         whole.types = Some(types);
@@ -123,7 +130,7 @@ impl Combined {
     }
 
     fn bare(terrain: Vec<f32>) -> Self {
-        Self { heights: terrain.clone(), terrain, types: None, crowns: Vec::new() }
+        Self { heights: terrain.clone(), terrain, types: None, species: Vec::new(), crowns: Vec::new() }
     }
 
     /// Terrain and the canopy's mean over a sample's footprint: of the four cells around a node, or
@@ -134,6 +141,7 @@ impl Combined {
         let mut canopies = ExpectedCanopies { scene, last: (Cover::default(), 0.0) };
         let mut heights = terrain.clone();
         let mut types = vec![SurfaceType::Plain as u8; terrain.len()];
+        let mut species = vec![0; terrain.len()];
         if let SampleGrid::Lattice(window) = grid
             && is_node_registered(grid)
         {
@@ -151,13 +159,21 @@ impl Combined {
             }
             let expected: Vec<f32> = covers.iter().map(|&cover| canopies.metres(cover)).collect();
             let (mut above, mut below) = (0, width + 1);
-            for (heights, types) in heights.chunks_exact_mut(width).zip(types.chunks_exact_mut(width)) {
-                for (column, (height, kind)) in heights.iter_mut().zip(types).enumerate() {
+            let rows = heights.chunks_exact_mut(width).zip(types.chunks_exact_mut(width));
+            for ((heights, types), species) in rows.zip(species.chunks_exact_mut(width)) {
+                let nodes = heights.iter_mut().zip(types).zip(species);
+                for (column, ((height, kind), species)) in nodes.enumerate() {
                     let four = [above + column, above + column + 1, below + column, below + column + 1];
                     let canopy: f32 = four.iter().map(|&cell| expected[cell]).sum();
                     let closure: u32 = four.iter().map(|&cell| u32::from(wooded_closure(covers[cell]))).sum();
                     *height += 0.25 * canopy;
                     *kind = coarse_type(closure, covers[four[3]]);
+                    *species = four
+                        .iter()
+                        .rev()
+                        .map(|&cell| covers[cell].species)
+                        .find(|&code| code != 0)
+                        .unwrap_or(0);
                 }
                 above = below;
                 below += width + 1;
@@ -169,29 +185,36 @@ impl Combined {
                 (_, Some(cover)) => cover.sample(grid, &mut covers)?,
                 (_, None) => {}
             }
-            for ((height, kind), &cover) in heights.iter_mut().zip(&mut types).zip(&covers) {
+            let nodes = heights.iter_mut().zip(&mut types).zip(&mut species);
+            for (((height, kind), species), &cover) in nodes.zip(&covers) {
                 *height += canopies.metres(cover);
+                *species = cover.species;
                 *kind = coarse_type(4 * u32::from(wooded_closure(cover)), cover);
             }
         }
-        Ok(Self { terrain, heights, types: Some(types), crowns: Vec::new() })
+        Ok(Self { terrain, heights, types: Some(types), species, crowns: Vec::new() })
     }
 
     /// The larger of the terrain and the highest crown.
     fn envelope(scene: &Scene, levels: &LandCoverLevels, grid: &SampleGrid) -> Result<Self, RecipeError> {
         let Grown { terrain, over } = Grown::sample(scene, levels, grid)?;
-        let Some(Over { places, stands, crowns, tops }) = over else { return Ok(Self::bare(terrain)) };
+        let Some(Over { places, stands, crowns, tops, kinds }) = over else {
+            return Ok(Self::bare(terrain));
+        };
         let mut types = places.surface_types(&stands, terrain.len());
         let mut heights = tops;
-        for ((height, kind), &ground) in heights.iter_mut().zip(&mut types).zip(&terrain) {
+        let mut species = vec![0; terrain.len()];
+        let nodes = heights.iter_mut().zip(&mut types).zip(&mut species);
+        for (((height, kind), species), (&ground, &code)) in nodes.zip(terrain.iter().zip(&kinds)) {
             // Where the terrain is void, so is the canopy: NaN compares as not higher.
             if *height > ground {
                 *kind = SurfaceType::Canopy as u8;
+                *species = code as u8;
             } else {
                 *height = ground;
             }
         }
-        Ok(Self { terrain, heights, types: Some(types), crowns })
+        Ok(Self { terrain, heights, types: Some(types), species, crowns })
     }
 }
 
@@ -211,6 +234,8 @@ struct Over {
     crowns: Vec<Crown>,
     /// The highest crown at each sample, metres, −∞ where there is none.
     tops: Vec<f32>,
+    /// Code of its species, 0 where there is none.
+    kinds: Vec<u32>,
 }
 
 impl Grown {
@@ -233,16 +258,17 @@ impl Grown {
         }
         let terrain = sampled.map_or_else(|| elevation::sample(scene, grid), Ok)?;
         let mut tops = vec![f32::NEG_INFINITY; terrain.len()];
+        let mut kinds = vec![0; terrain.len()];
         match &places {
-            Units::Separable { xs, ys } => Rows::new(xs, ys).splat(&found, &mut tops),
+            Units::Separable { xs, ys } => Rows::new(xs, ys).splat(&found, &mut tops, &mut kinds),
             Units::Scattered(places) => {
                 let index = CrownIndex::new(&found, window);
-                for (top, &(x, y)) in tops.iter_mut().zip(places) {
-                    *top = index.height(x, y);
+                for ((top, kind), &(x, y)) in tops.iter_mut().zip(&mut kinds).zip(places) {
+                    (*top, *kind) = index.highest(x, y);
                 }
             }
         }
-        Ok(Self { terrain, over: Some(Over { places, stands, crowns: found, tops }) })
+        Ok(Self { terrain, over: Some(Over { places, stands, crowns: found, tops, kinds }) })
     }
 }
 
@@ -430,7 +456,7 @@ pub(super) fn at_place(
     }
     let anchors = Anchors::read(scene, Anchors::window(anchor_level(scene), &window))?;
     let found = crowns(scene, &trees, &anchors);
-    Ok((CrownIndex::new(&found, window).height(x, y), cover))
+    Ok((CrownIndex::new(&found, window).highest(x, y).0, cover))
 }
 
 #[cfg(test)]

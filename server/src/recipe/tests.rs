@@ -129,6 +129,7 @@ fn the_envelope_is_the_terrain_or_the_highest_crown() {
         let y = y_from_latitude(window.latitude(window.first_row + i64::from(row)));
         let ground = elevation.metres(column, row);
         let mut wanted = ground;
+        let mut over = Vec::new();
         for tree in &trees {
             let unit = treeline_core::seeds::place::UNIT_METRES;
             let dx = (tree.x as f64 - x) * unit * latitude_from_y(tree.y as f64).to_radians().cos();
@@ -138,6 +139,7 @@ fn the_envelope_is_the_terrain_or_the_highest_crown() {
             }
             let species = &scene.species[tree.species];
             if let Some(crown) = species.crown_surface(tree.height_metres(), dx.hypot(dy) as f32) {
+                over.push(species.code);
                 let place = point(&scene, longitude_from_x(tree.x as f64), latitude_from_y(tree.y as f64));
                 wanted = wanted.max(place.unwrap().terrain.unwrap() + f64::from(crown));
             }
@@ -151,6 +153,8 @@ fn the_envelope_is_the_terrain_or_the_highest_crown() {
         if !is_canopy {
             assert_eq!(surface.types[index], cover(x, y).surface);
         }
+        let code = surface.species.as_ref().unwrap()[index];
+        assert!(if is_canopy { over.contains(&code) } else { code == 0 }, "{code} of {over:?}");
         under += u32::from(is_canopy);
     }
     // Anchors are bilinear between nodes 5 m apart (the scene's terrain is said to be of 30 m, and

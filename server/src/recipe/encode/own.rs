@@ -44,6 +44,8 @@ pub struct CombinedPlanes<'a> {
     pub terrain: &'a [f32],
     /// Surface type codes.
     pub types: Vec<u8>,
+    /// Codes of the canopy's species, where anything grows.
+    pub species: Option<Vec<u8>>,
 }
 
 /// A tile from heights and bounds in metres. Bounds are raised to the tile's own nodes, and
@@ -74,7 +76,7 @@ pub fn elevation_tile(
                 ((height - terrain) as f32 * canopy_per_quantum + 0.5) as u8
             })
             .collect();
-        Surface { types: planes.types, canopy }
+        Surface { types: planes.types, canopy, species: planes.species }
     });
     ElevationTile { level, side: side as u32, heights, maxima_side: BLOCKS, maxima, surface }
 }
