@@ -8,7 +8,7 @@ mod trees;
 
 pub use exchange::{
     DEFAULT_SHADOW_STEPS, DEFAULT_TREE_METRES, EngineError, EngineOptions, FrameReport, HandOver, Payload,
-    PhotoPixels, Resource, TileRequest, ViewRequest,
+    PhotoPixels, Resource, TileRequest, ViewRequest, Weather,
 };
 
 use crate::frame::{FrameRenderer, FrameTarget, FrameTrees};
@@ -30,7 +30,7 @@ use crate::stream::tree_field::SeedFrameCells;
 use crate::stream::view::ViewGeometry;
 use crate::survey::{Survey, SurveyStats, Ticket};
 use crate::twin_world;
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use treeline_core::geodesy::{self, Geodetic};
 use treeline_core::layer::Layer;
 use treeline_core::query::get_map_query;
@@ -68,6 +68,8 @@ pub struct Engine {
     arrays: TileArrays,
     renderer: FrameRenderer,
     models: Models,
+    /// Slots of elevation tiles with any canopy.
+    wooded: HashSet<u32>,
     arrived: Vec<Arrived>,
     survey: Survey,
     /// Whether the landscape has been drawn with its photo, where it has one.
@@ -132,6 +134,7 @@ impl Engine {
             arrays,
             renderer,
             models,
+            wooded: HashSet::new(),
             arrived: Vec::new(),
             survey: Survey::default(),
             has_shown: false,
@@ -355,7 +358,7 @@ impl Engine {
             |vector: glam::DVec3, last: f64| [vector.x as f32, vector.y as f32, vector.z as f32, last as f32];
         let grid = &self.stream.grid;
         let over = grid.coordinates(eye.longitude, eye.latitude);
-        View {
+        let mut view = View {
             right: axis(geometry.right * geometry.tangent_x, geometry.pixel_angle),
             up: axis(geometry.up * geometry.tangent_y, eye.height),
             forward: axis(geometry.forward, self.scene.maximum_height),
@@ -373,9 +376,12 @@ impl Engine {
             grid_place: grid.place(),
             tree_size: typical_tree(&self.scene.species),
             scene_seed: self.scene.seed,
-            padding: [0; 3],
             season: year.map_or([0.0; 4], |day| season_of_view(&day, eye.latitude)),
-        }
+            ..View::default()
+        };
+        let latitude = self.scene.extent.centre().1;
+        request.weather.write(&mut view, [eye.longitude, eye.latitude], latitude);
+        view
     }
 
     /// A request's answer. One that was cancelled is ignored.
@@ -459,6 +465,11 @@ impl Engine {
                     };
                     self.arrays.upload_elevation(&self.gpu.device, &self.gpu.queue, slot, &pixels);
                     new_slots.push(slot);
+                    if pixels.grows() {
+                        self.wooded.insert(slot);
+                    } else {
+                        self.wooded.remove(&slot);
+                    }
                 }
                 Arrived::LandCover(_, pixels) => {
                     let Some(slot) = self.stream.place_land_cover(key, !pixels.species.is_empty()) else {

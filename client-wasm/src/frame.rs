@@ -25,6 +25,7 @@ use treeline_core::tree_model::TreeSpecies;
 use treeline_shaders::layout::View;
 use treeline_shaders::season::{FLAG_SEASON, SeasonRow};
 use treeline_shaders::trees::{Draw, SeedSpecies, TreeCells};
+use treeline_shaders::weather::{FLAG_CLOUDS, FLAG_WIND};
 
 /// The passes of a frame, in order; timed under these names.
 pub const PASSES: &[&str] = &["terrain", "shade", "distance_pyramid", "load_map", "select_trees", "trees"];
@@ -305,7 +306,8 @@ impl FrameRenderer {
         let variant = SelectVariant {
             photo: !tables.pages.is_empty(),
             shadows: view.shadow_steps > 0,
-            season: has_season(view),
+            season: has(view, FLAG_SEASON),
+            clouds: has(view, FLAG_CLOUDS),
         };
         if self.select_trees.as_ref().is_some_and(|pass| pass.variant == variant) {
             return;
@@ -361,7 +363,7 @@ impl FrameRenderer {
         if self.shade_trees.as_ref().is_none_or(|shade| shade.variant != variant) {
             self.shade_trees = Some(Shade::new(device, &self.frame_layout, tree_hits_layout, variant));
         }
-        let variant = TreesVariant { format, season: has_season(view) };
+        let variant = TreesVariant { format, season: has(view, FLAG_SEASON), wind: has(view, FLAG_WIND) };
         if self.trees.as_ref().is_none_or(|pass| pass.variant != variant) {
             self.trees = Some(Trees::new(device, view_layout, variant));
         }
@@ -510,9 +512,9 @@ impl FrameRenderer {
     }
 }
 
-/// Whether the day differs from high summer.
-fn has_season(view: &View) -> bool {
-    view.flags & FLAG_SEASON != 0
+/// Whether a flag of a view is set.
+fn has(view: &View, flag: u32) -> bool {
+    view.flags & flag != 0
 }
 
 fn shade_variant(
@@ -526,7 +528,9 @@ fn shade_variant(
         photo: !tables.pages.is_empty(),
         surface: arrays.surface.side() > 1,
         shadows: view.shadow_steps > 0,
-        season: has_season(view),
+        season: has(view, FLAG_SEASON),
+        wind: has(view, FLAG_WIND),
+        clouds: has(view, FLAG_CLOUDS),
         trees: false,
     }
 }

@@ -198,6 +198,20 @@ export class Panel {
     const sun = element("sun");
     sun.value = map.time().slice(0, 16);
     sun.addEventListener("change", () => sun.value && map.set_time(`${sun.value}:00Z`));
+    const [wind, clouds] = [element("wind"), element("clouds")];
+    const told = () => {
+      wind.nextElementSibling.textContent = `${wind.value} m/s`;
+      clouds.nextElementSibling.textContent = `${clouds.value} %`;
+    };
+    wind.value = map.wind();
+    clouds.value = 100 * map.clouds();
+    told();
+    for (const slider of [wind, clouds]) {
+      slider.addEventListener("input", () => {
+        map.set_weather(Number(wind.value), Number(clouds.value) / 100);
+        told();
+      });
+    }
     for (const button of element("seasons").children) {
       button.addEventListener("click", () => {
         map.set_season(button.value);

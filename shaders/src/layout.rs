@@ -169,11 +169,24 @@ pub struct View {
     pub tree_size: [f32; 2],
     /// The seed that grows the scene's forest.
     pub scene_seed: u32,
+    /// Share of the sky under clouds, 0 … 1. This and what follows is [`crate::weather`]'s, looked at only by variants
+    /// with wind or clouds; but for `season`.
+    pub clouds: f32,
     /// Zero.
-    pub padding: [u32; 3],
+    pub padding: [u32; 2],
     /// As `treeline_core::seeds::season::YearDay` has it: day, degrees beyond 47, strength of the seasons, height of
     /// the snow line (metres). Looked at only by variants with seasons.
     pub season: [f32; 4],
+    /// Where the wind blows to (unit, east and north), its speed (m/s), share of the period of what sways.
+    pub wind: [f32; 4],
+    /// Whole lumps of gusts, east and north, of the eye's place in them.
+    pub gust_cell: [i32; 2],
+    /// The same of clouds.
+    pub cloud_cell: [i32; 2],
+    /// The rest of the eye's place, lumps of gusts.
+    pub gust_part: [f32; 2],
+    /// The same of clouds.
+    pub cloud_part: [f32; 2],
 }
 
 /// What the height-field pass knows beside the view: bind group 0, binding 10.

@@ -11,6 +11,7 @@ pub mod load_map;
 pub mod season;
 pub mod trees;
 pub mod twin;
+pub mod weather;
 
 /// The passes, each named as its file in `wgsl/`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -121,6 +122,7 @@ impl Pass {
                 TREE_LAYOUT,
                 LEAF_AT,
                 SEASON,
+                WEATHER,
                 include_str!("../wgsl/tree_lights.wgsl"),
                 include_str!("../wgsl/select_trees.wgsl"),
             ],
@@ -138,6 +140,7 @@ impl Pass {
                 CROWN_LIGHT,
                 SEASON,
                 CANOPY_SEASON,
+                WEATHER,
                 include_str!("../wgsl/forest.wgsl"),
                 include_str!("../wgsl/shade.wgsl"),
             ],
@@ -155,15 +158,22 @@ impl Pass {
                 CROWN_LIGHT,
                 SEASON,
                 CANOPY_SEASON,
+                WEATHER,
                 include_str!("../wgsl/forest.wgsl"),
                 include_str!("../wgsl/shade.wgsl"),
                 LEAF_AT,
                 include_str!("../wgsl/canopy_below.wgsl"),
                 include_str!("../wgsl/shade_trees.wgsl"),
             ],
-            Self::Trees => {
-                &[LAYOUT, FRAME_BINDINGS, SKY, LIGHTING, TREE_LAYOUT, include_str!("../wgsl/trees.wgsl")]
-            }
+            Self::Trees => &[
+                LAYOUT,
+                FRAME_BINDINGS,
+                SKY,
+                LIGHTING,
+                TREE_LAYOUT,
+                WEATHER,
+                include_str!("../wgsl/trees.wgsl"),
+            ],
         }
     }
 }
@@ -210,6 +220,8 @@ pub const CROWNS: &str = include_str!("../wgsl/crowns.wgsl");
 pub const SEASON: &str = include_str!("../wgsl/season.wgsl");
 /// The year in the canopy of the heights; needs [`SEASON`] and the material's nodes.
 pub const CANOPY_SEASON: &str = include_str!("../wgsl/canopy_season.wgsl");
+/// Wind, and the shadows of clouds.
+pub const WEATHER: &str = include_str!("../wgsl/weather.wgsl");
 /// Light among the crowns of [`CROWNS`]; needs [`LIGHTING`].
 pub const CROWN_LIGHT: &str = include_str!("../wgsl/crown_light.wgsl");
 

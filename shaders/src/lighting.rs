@@ -19,20 +19,33 @@ pub struct ShadeVariant {
     pub shadows: bool,
     /// The day differs from high summer.
     pub season: bool,
+    /// The wind blows: the canopy shimmers.
+    pub wind: bool,
+    /// Clouds throw shadows.
+    pub clouds: bool,
     /// The target's format does not encode sRGB: the shader does.
     pub encode_srgb: bool,
 }
 
 impl Default for ShadeVariant {
-    /// Everything that a scene may have, in summer, on a target that encodes sRGB itself.
+    /// Everything that a scene may have, in summer and fair weather, on a target that encodes sRGB itself.
     fn default() -> Self {
-        Self { photo: true, canopy: true, water: true, shadows: true, season: false, encode_srgb: false }
+        Self {
+            photo: true,
+            canopy: true,
+            water: true,
+            shadows: true,
+            season: false,
+            wind: false,
+            clouds: false,
+            encode_srgb: false,
+        }
     }
 }
 
 impl ShadeVariant {
     /// The pipeline constants, as wgpu wants them.
-    pub fn constants(self) -> [(&'static str, f64); 6] {
+    pub fn constants(self) -> [(&'static str, f64); 8] {
         let number = |flag: bool| f64::from(u8::from(flag));
         [
             ("WITH_PHOTO", number(self.photo)),
@@ -40,6 +53,8 @@ impl ShadeVariant {
             ("WITH_WATER", number(self.water)),
             ("WITH_SHADOWS", number(self.shadows)),
             ("WITH_SEASON", number(self.season)),
+            ("WITH_WIND", number(self.wind)),
+            ("WITH_CLOUDS", number(self.clouds)),
             ("ENCODE_SRGB", number(self.encode_srgb)),
         ]
     }

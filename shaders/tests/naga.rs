@@ -41,7 +41,7 @@ fn structs_are_laid_out_alike_on_both_sides() {
             h_cross_maximum_fade, eye_cell, first_cell, cells, grid_origin, grid_side, slot, level, stand_in,
             cell_metres, distance_range),
         layout_of!(View: right, up, forward, sun, size, root_size, eye_grid, eye_inside, wraps, root_level,
-            shadow_steps, flags, frame, grid_place, tree_size, scene_seed, season),
+            shadow_steps, flags, frame, grid_place, tree_size, scene_seed, clouds, season, wind, gust_cell, cloud_cell, gust_part, cloud_part),
         layout_of!(Sheet: eye_patch, base, eye_patch_known, padding),
         layout_of!(TexturePage: slot, children, fade, padding),
     ];

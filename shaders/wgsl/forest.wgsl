@@ -47,7 +47,8 @@ fn forest_radiance(point: ForestPoint, ground: Ground, lit: Lit, colour: vec3<f3
     let snow = snow_at(height - 40.0);
     // Tops are white, flanks less so: the more is seen of them the steeper one looks down. Bare twigs hold little.
     let from_above = saturate(0.35 - 0.65 * dot(lit.direction, lit.up));
-    let held = snow * mix(0.12, 0.5, from_above) * mix(0.5, 1.0, canopy.a);
+    let clumps = 1.0 + 0.7 * metric_noise(ground, 9.0, point.footprint, 53u);
+    let held = saturate(snow * mix(0.05, 0.28, from_above) * mix(0.7, 1.0, canopy.a) * clumps);
     leaf = mix(canopy.rgb, SNOW_WHITE, held);
     let crowns = leafy_forest(point, ground, lit, leaf, stand_tint);
     let gaps = BARE_GAPS * (1.0 - canopy.a);

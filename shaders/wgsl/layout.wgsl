@@ -48,7 +48,13 @@ struct View {
     grid_place: vec2<u32>,
     tree_size: vec2<f32>,
     scene_seed: u32,
+    clouds: f32,
     season: vec4<f32>,
+    wind: vec4<f32>,
+    gust_cell: vec2<i32>,
+    cloud_cell: vec2<i32>,
+    gust_part: vec2<f32>,
+    cloud_part: vec2<f32>,
 }
 
 struct Sheet {

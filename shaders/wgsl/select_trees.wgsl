@@ -8,6 +8,7 @@
 override WITH_PHOTO: bool = true;
 override WITH_SHADOWS: bool = true;
 override WITH_SEASON: bool = false;
+override WITH_CLOUDS: bool = false;
 
 // Bins: 255 species of four levels, and one that counts every tree once.
 const MOST_BINS: u32 = 1021u;

@@ -8,6 +8,8 @@ override WITH_CANOPY: bool = true;
 override WITH_WATER: bool = true;
 override WITH_SHADOWS: bool = true;
 override WITH_SEASON: bool = false;
+override WITH_WIND: bool = false;
+override WITH_CLOUDS: bool = false;
 // Set where the target's format does not encode sRGB itself.
 override ENCODE_SRGB: bool = false;
 
@@ -137,6 +139,9 @@ fn shaded_ground(direction: vec3<f32>, distance: f32, hit: vec4<u32>, dither: f3
     // Towards the sun over the tile's own east, south and up.
     let toward = vec3<f32>(dot(view.sun.xyz, frame.u) * cell_metres.x, dot(view.sun.xyz, frame.v) * cell_metres.y, sun_cosine);
     lit.sun_visible = smoothstep(-0.012, 0.006, sun_cosine);
+    if WITH_CLOUDS {
+        lit.sun_visible *= cloud_light(point, height);
+    }
     if WITH_SHADOWS {
         let lights = dot(normal, view.sun.xyz) > select(0.0, -0.3, cover.canopy > 0.0);
         if lights && sun_cosine > -0.01 {
@@ -168,7 +173,13 @@ fn shaded_ground(direction: vec3<f32>, distance: f32, hit: vec4<u32>, dither: f3
                 vec3<f32>(dot(direction, frame.u) * cell_metres.x, dot(direction, frame.v) * cell_metres.y, dot(direction, frame.h)),
                 toward, normalize(frame.u), normalize(frame.v), normal, wide,
             );
-            let seen = forest_radiance(point, ground, lit, summer * detail);
+            var colour = summer * detail;
+            if WITH_WIND {
+                // Gusts are lost where many of them are one pixel.
+                let shown = saturate(1.6 - footprint / 24.0);
+                colour *= mix(1.0, leaf_shimmer(gust_at(direction.xy * distance)), shown);
+            }
+            let seen = forest_radiance(point, ground, lit, colour);
             radiance = mix(radiance, seen.rgb, seen.a);
         }
     }

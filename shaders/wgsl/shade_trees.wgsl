@@ -74,6 +74,9 @@ fn forest_floor(direction: vec3<f32>, below: Below, dither: f32) -> vec3<f32> {
     }
     let sun_cosine = dot(up, view.sun.xyz);
     var lit = Lit(normal, up, direction, sun_transmittance(height, sun_cosine), sky_ambient(sun_cosine), smoothstep(-0.012, 0.006, sun_cosine), 1.0);
+    if WITH_CLOUDS {
+        lit.sun_visible *= cloud_light(direction * below.distance, height);
+    }
     if WITH_SHADOWS {
         let toward = vec3<f32>(dot(view.sun.xyz, frame.u) * cell_metres.x, dot(view.sun.xyz, frame.v) * cell_metres.y, sun_cosine);
         if sun_cosine > -0.01 {
@@ -81,7 +84,11 @@ fn forest_floor(direction: vec3<f32>, below: Below, dither: f32) -> vec3<f32> {
         }
         lit.sky_visible = max(sky_visibility(ground, 8.0, 60.0), mix(CANOPY_SKY, 0.8, bare) * wooded);
         // Specks of sun come through any canopy, and leaves pass light on.
-        lit.sun_visible = mix(lit.sun_visible, max(lit.sun_visible, mix(CANOPY_SUN, 0.6, bare)), wooded * smoothstep(-0.012, 0.006, sun_cosine));
+        var specks = mix(CANOPY_SUN, 0.6, bare);
+        if WITH_CLOUDS {
+            specks *= cloud_light(direction * below.distance, height);
+        }
+        lit.sun_visible = mix(lit.sun_visible, max(lit.sun_visible, specks), wooded * smoothstep(-0.012, 0.006, sun_cosine));
     }
     let radiance = bare_radiance(lit, base);
     let air = air_along(direction, 0.0, below.distance, 5u);

@@ -58,6 +58,9 @@ fn lights_of(cell: SeedCell, tree: SeedTree, placed: PlacedTree, away: f32) -> T
         }
         sky_seen = sky_visibility(ground, 12.0, 160.0);
     }
+    if WITH_CLOUDS {
+        sun_seen *= cloud_light(placed.foot, top);
+    }
     let centre = placed.foot + (0.5 * placed.height * placed.up);
     let air = air_along(centre / max(away, 1e-3), 0.0, away, 4u);
     return TreeLights(

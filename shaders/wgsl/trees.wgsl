@@ -3,6 +3,7 @@
 
 override ENCODE_SRGB: bool = false;
 override WITH_SEASON: bool = false;
+override WITH_WIND: bool = false;
 
 // Distance that a depth of 1 stands for, metres: depths are this over the distance along the view axis.
 const NEAR_METRES: f32 = 0.1;
@@ -16,6 +17,14 @@ const GROUND_TINT: f32 = 0.95;
 const LEAF_LIGHT: f32 = 0.78;
 // Share of a bare crown's leafy texels that stand for twigs.
 const BARE_TWIGS: f32 = 0.22;
+// How often a tree of 10 m swings in the period of what sways, and a twig at least.
+const STEM_SWINGS: f32 = 150.0;
+const TWIG_SWINGS: f32 = 360.0;
+// How far wind of 1 m/s bends a stem, of its height, and twigs, of their distance from the axis; both at most.
+const STEM_BEND: f32 = 0.00042;
+const MOST_STEM_BEND: f32 = 0.06;
+const TWIG_BEND: f32 = 0.0055;
+const MOST_TWIG_BEND: f32 = 0.06;
 const SNOW_WHITE: vec3<f32> = vec3<f32>(0.80, 0.83, 0.88);
 
 // What a draw knows of its model.
@@ -39,11 +48,34 @@ struct TreeVertex {
     @builtin(position) position: vec4<f32>,
     @location(0) uv: vec2<f32>,
     @location(1) normal: vec3<f32>,
-    // Place in the crown, and share of foliage.
-    @location(2) shade: vec2<f32>,
+    // Place in the crown, share of foliage, and what the wind makes of its light.
+    @location(2) shade: vec3<f32>,
     @location(3) point: vec3<f32>,
     // Shares of the pixels between which it is drawn, of 255; hash; instance.
     @location(4) @interpolate(flat) look: vec4<u32>,
+}
+
+// Where the wind moves a point of a tree, in heights of the tree: `offset` is the point, `own` the tree's hash (0…1),
+// `twigs` whether its quads are twigs rather than whole parts of the crown.
+fn swayed(offset: vec3<f32>, height: f32, gust: f32, own: f32, quad: u32, twigs: bool) -> vec3<f32> {
+    let push = view.wind.z * mix(0.3, 1.0, gust);
+    // Whole swings in a period, so that it has no seam; tall trees swing slowly.
+    let swings = round(STEM_SWINGS * pow(10.0 / max(height, 1.0), 0.6));
+    let turn = 6.2831853 * fract((view.wind.w * swings) + own);
+    let across = 6.2831853 * fract((view.wind.w * (swings + 17.0)) + (own * 7.0));
+    let rise = saturate(offset.z);
+    let bend = min(STEM_BEND * push * push, MOST_STEM_BEND) * rise * rise;
+    let along = view.wind.xy;
+    var moved = bend * (((0.55 + (0.45 * sin(turn))) * along) + (0.28 * sin(across) * vec2<f32>(-along.y, along.x)));
+    var lift = 0.0;
+    if twigs {
+        let hash = fract((f32(quad) * 0.61803399) + own);
+        let flutter = sin(6.2831853 * fract((view.wind.w * (TWIG_SWINGS + floor(240.0 * hash))) + (hash * 13.0)));
+        let reach = length(offset.xy) * min(TWIG_BEND * push, MOST_TWIG_BEND);
+        moved += reach * flutter * along;
+        lift = 0.6 * reach * flutter;
+    }
+    return vec3<f32>(moved, lift);
 }
 
 fn turned(v: vec2<f32>, turn: vec2<f32>) -> vec2<f32> {
@@ -64,7 +96,16 @@ fn tree_vertex(@builtin(vertex_index) vertex: u32, @builtin(instance_index) inde
     let turn = vec2<f32>(cos(angle), sin(angle));
     let level = turned(unpack2x16snorm(words.x), turn);
     let up = normalize(vec3<f32>(foot_height.xy / view.sun.w, 1.0));
-    let offset = vec3<f32>(level, 0.0) + unpack2x16snorm(words.y).x * up;
+    var offset = vec3<f32>(level, 0.0) + unpack2x16snorm(words.y).x * up;
+    var shimmer = 1.0;
+    if WITH_WIND {
+        let gust = gust_at(foot_height.xy);
+        shimmer = leaf_shimmer(gust);
+        let own = f32((look >> 8u) & 0xffu) / 256.0;
+        // Only the first level's quads are twigs.
+        let twigs = (tree_draw.model.x % TREE_LEVELS) == 0u;
+        offset += swayed(vec3<f32>(level, unpack2x16snorm(words.y).x), foot_height.w, gust, own, quad, twigs);
+    }
     let point = foot_height.xyz + foot_height.w * offset;
     let own_normal = unpack4x8snorm(words.w).xyz;
 
@@ -74,7 +115,7 @@ fn tree_vertex(@builtin(vertex_index) vertex: u32, @builtin(instance_index) inde
     out.position = vec4<f32>(dot(point, right), dot(point, above), NEAR_METRES, dot(point, view.forward.xyz));
     out.uv = unpack2x16unorm(words.z);
     out.normal = vec3<f32>(turned(own_normal.xy, turn), own_normal.z);
-    out.shade = unpack4x8unorm(words.y).zw;
+    out.shade = vec3<f32>(unpack4x8unorm(words.y).zw, shimmer);
     out.point = point;
     out.look = vec4<u32>((look >> 16u) & 0xffu, look >> 24u, (look >> 8u) & 0xffu, place);
     return out;
@@ -131,7 +172,7 @@ fn tree_fragment(in: TreeVertex) -> @location(0) vec4<f32> {
     let tint = mix(vec3<f32>(1.0), colour.rgb / max(tree_draw.foliage.rgb, vec3<f32>(1e-3)), GROUND_TINT);
     // As the canopy of the heights has it: bright at the tops, dark between them.
     let place = in.shade.x * (0.35 + 0.65 * in.shade.x);
-    var leaf_colour = LEAF_LIGHT * texture.rgb * tint;
+    var leaf_colour = LEAF_LIGHT * texture.rgb * tint * in.shade.z;
     var wood_colour = texture.rgb;
     if WITH_SEASON {
         // Snow lies on what looks up.

@@ -12,6 +12,7 @@ use treeline_client::stream::tree_field::FARTHEST_METRES;
 use treeline_core::seeds::season::NamedSeason;
 use treeline_core::sun::unix_seconds_from_rfc3339;
 use treeline_server::cli::SceneArguments;
+use treeline_shaders::weather::STRONGEST_WIND;
 
 /// Draws one picture of a scene or of a height field, without a browser. Without a source: the
 /// built-in landscape.
@@ -72,6 +73,15 @@ pub struct Arguments {
     /// The season by name in place of a date: spring, summer, autumn or winter, at the scene's time of day.
     #[arg(long, value_name = "NAME", value_parser = season)]
     pub season: Option<NamedSeason>,
+    /// Speed of the wind, m/s, 20 at most; trees sway, and gusts run over the canopy.
+    #[arg(long, value_name = "M_PER_S", default_value_t = 0.0, allow_hyphen_values = true, value_parser = wind)]
+    pub wind: f64,
+    /// For how long the wind has blown, seconds: a picture of the same moment is the same.
+    #[arg(long, value_name = "SECONDS", default_value_t = 12.5, allow_hyphen_values = true, value_parser = seconds)]
+    pub wind_seconds: f64,
+    /// Share of the sky under clouds, whose shadows lie on the land, 0 to 1.
+    #[arg(long, value_name = "SHARE", default_value_t = 0.0, allow_hyphen_values = true, value_parser = share)]
+    pub clouds: f64,
     /// Up to which distance trees are drawn one by one, metres, 1400 at most; 0 for none. [default: 1000, on
     /// adapters that run on the processor 400]
     #[arg(long, value_name = "METRES", allow_hyphen_values = true, value_parser = distance)]
@@ -198,9 +208,9 @@ impl Arguments {
         if self.trees.is_some() {
             return Err(ShotError::input("--trees: nothing grows on a height field; leave the flag out"));
         }
-        if self.time.is_some() || self.season.is_some() {
+        if self.time.is_some() || self.season.is_some() || self.wind > 0.0 || self.clouds > 0.0 {
             return Err(ShotError::input(
-                "--time and --season: a height field has no sun and no seasons; leave them out",
+                "--time, --season, --wind and --clouds: a height field has no sun and no weather; leave them out",
             ));
         }
         if self.camera.is_none() {
@@ -226,6 +236,24 @@ fn metres(text: &str) -> Result<f64, String> {
 fn distance(text: &str) -> Result<f64, String> {
     let number = text.trim().parse::<f64>().ok().filter(|number| (0.0..=FARTHEST_METRES).contains(number));
     number.ok_or_else(|| format!("it must be a length in metres, 0 to {FARTHEST_METRES}"))
+}
+
+/// A number between two ends, both included.
+fn between(text: &str, ends: [f64; 2], what: &str) -> Result<f64, String> {
+    let number = text.trim().parse::<f64>().ok().filter(|number| (ends[0]..=ends[1]).contains(number));
+    number.ok_or_else(|| format!("it must be {what}, {} to {}", ends[0], ends[1]))
+}
+
+fn wind(text: &str) -> Result<f64, String> {
+    between(text, [0.0, STRONGEST_WIND], "a speed in metres a second")
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    between(text, [0.0, 86_400.0], "seconds")
+}
+
+fn share(text: &str) -> Result<f64, String> {
+    between(text, [0.0, 1.0], "a share")
 }
 
 /// A time, as seconds since 1970.
@@ -328,6 +356,8 @@ mod tests {
             ("shot --size 6x5 --color o.png --repeat 0", "1 to 10000"),
             ("shot --size 6x5 --color o.png --tree-distance -1", "0 to 1400"),
             ("shot --size 6x5 --color o.png --steps -1", "--steps"),
+            ("shot --size 6x5 --color o.png --wind 90", "0 to 20"),
+            ("shot --size 6x5 --color o.png --clouds nan", "0 to 1"),
             ("shot --size 6x5 --color o.png --time noon", "2026-07-15T09:00:00Z"),
             ("shot --size 6x5 --color o.png --season fall", "spring, summer, autumn, winter"),
             ("shot --size 6x5 --color o.png --season winter --time 2026-01-01T09:00:00Z", "--time"),

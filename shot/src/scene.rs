@@ -9,7 +9,7 @@ use crate::output;
 use crate::statistics::{addresses, fetch_statistics, median, visible_textures};
 use serde_json::{Map, Value, json};
 use std::fmt::Write as _;
-use treeline_client::engine::{Engine, EngineOptions, ViewRequest};
+use treeline_client::engine::{Engine, EngineOptions, ViewRequest, Weather};
 use treeline_client::headless::{self, Capture, SelectedTree, Session};
 use treeline_client::stream::StreamOptions;
 use treeline_core::layer::Layer;
@@ -30,6 +30,7 @@ pub fn shoot(arguments: &Arguments) -> Result<(), ShotError> {
         height,
         sun_unix_seconds: time(arguments, &scene)?,
         shadow_steps: arguments.shadow_steps,
+        weather: Weather { wind: arguments.wind, seconds: arguments.wind_seconds, clouds: arguments.clouds },
     };
     let options = EngineOptions {
         stream: StreamOptions {

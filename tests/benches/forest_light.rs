@@ -36,6 +36,7 @@ fn picture(session: &mut Session, tiles: &HttpTiles, view: [f64; 5], hours: f64)
         height: SIZE[1],
         sun_unix_seconds: Some(time + 3_600.0 * hours),
         shadow_steps: DEFAULT_SHADOW_STEPS,
+        weather: treeline_client::engine::Weather::default(),
     };
     session.settle(&view, tiles)?;
     let capture = session.capture()?;

@@ -2,7 +2,7 @@
 //! CPU, at the same error of the last picture. Figures as JSON lines.
 
 use anyhow::Context;
-use treeline_client::engine::{DEFAULT_SHADOW_STEPS, Engine, EngineOptions, ViewRequest};
+use treeline_client::engine::{DEFAULT_SHADOW_STEPS, Engine, EngineOptions, ViewRequest, Weather};
 use treeline_client::headless::{self, AdapterChoice, Session};
 use treeline_client::stream::StreamOptions;
 use treeline_client::stream::tile_choice::TileChoice;
@@ -48,6 +48,7 @@ fn fly(base: &str, views: &[GeographicCamera], stream: StreamOptions) -> anyhow:
             height: SIZE[1],
             sun_unix_seconds: None,
             shadow_steps: DEFAULT_SHADOW_STEPS,
+            weather: Weather::default(),
         };
         session.settle(&view, &tiles)?;
     }

@@ -232,6 +232,7 @@ impl<'a> Flyer<'a> {
             height: SIZE[1],
             sun_unix_seconds: None,
             shadow_steps: treeline_client::engine::DEFAULT_SHADOW_STEPS,
+            weather: treeline_client::engine::Weather::default(),
         };
         let mut steps = 0;
         loop {

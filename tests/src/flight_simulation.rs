@@ -4,7 +4,7 @@
 use crate::flight_link::{Link, LinkQuality};
 use crate::flight_world as world;
 use std::collections::{BTreeSet, HashMap, HashSet, VecDeque};
-use treeline_client::engine::{Engine, EngineOptions, FrameReport, Resource, ViewRequest};
+use treeline_client::engine::{Engine, EngineOptions, FrameReport, Resource, ViewRequest, Weather};
 use treeline_client::frame::FrameTarget;
 use treeline_client::headless::capture::{read_texture, wait};
 use treeline_client::headless::{self, AdapterChoice};
@@ -136,6 +136,7 @@ impl Flight {
             height: self.size[1],
             sun_unix_seconds: None,
             shadow_steps: 0,
+            weather: Weather::default(),
         };
         let target = self.picture.create_view(&wgpu::TextureViewDescriptor::default());
         let target = FrameTarget { view: &target, format: self.picture.format() };

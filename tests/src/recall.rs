@@ -4,7 +4,7 @@
 use crate::http_tiles::HttpTiles;
 use anyhow::Context;
 use std::collections::BTreeSet;
-use treeline_client::engine::{Engine, EngineOptions, ViewRequest};
+use treeline_client::engine::{Engine, EngineOptions, ViewRequest, Weather};
 use treeline_client::headless::{self, AdapterChoice, Capture, Session, TileFetcher};
 use treeline_client::stream::StreamOptions;
 use treeline_client::stream::view::ViewGeometry;
@@ -124,6 +124,7 @@ impl Surveyor {
             height: size[1],
             sun_unix_seconds: None,
             shadow_steps: 0,
+            weather: Weather::default(),
         };
         self.session.settle(&view(SIZE), &self.tiles)?;
         let engine = &self.session.engine;

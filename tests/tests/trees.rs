@@ -4,7 +4,7 @@
 use glam::Vec4;
 use std::collections::{HashMap, HashSet};
 use std::sync::Mutex;
-use treeline_client::engine::{Engine, EngineOptions, ViewRequest};
+use treeline_client::engine::{Engine, EngineOptions, ViewRequest, Weather};
 use treeline_client::headless::trees::instances;
 use treeline_client::headless::{self, AdapterChoice, Capture, Fetched, SelectedTree, Session, TileFetcher};
 use treeline_client::stream::StreamOptions;
@@ -27,7 +27,14 @@ const SIZE: [u32; 2] = [192, 144];
 const DEGREE_METRES: f64 = EQUATOR_METRES / 360.0;
 
 fn view(camera: GeographicCamera) -> ViewRequest {
-    ViewRequest { camera, width: SIZE[0], height: SIZE[1], sun_unix_seconds: None, shadow_steps: 0 }
+    ViewRequest {
+        camera,
+        width: SIZE[0],
+        height: SIZE[1],
+        sun_unix_seconds: None,
+        shadow_steps: 0,
+        weather: Weather::default(),
+    }
 }
 
 /// Over the built-in landscape's forest.
@@ -278,7 +285,7 @@ fn the_twin_selects_the_same_trees_in_the_same_order() {
     let tiles = RouterTiles::built_in().unwrap();
     let scene = tiles.scene().unwrap();
     let levels = scene.land_cover.unwrap();
-    for (above, pitch_deg, metres) in [(40.0, -12.0, 400.0), (3.0, 5.0, 250.0), (300.0, -60.0, 700.0)] {
+    for (above, pitch_deg, metres) in [(40.0, -12.0, 400.0), (3.0, -6.0, 250.0), (300.0, -60.0, 700.0)] {
         let camera = GeographicCamera { pitch_deg, ..forest_camera(&tiles, above) };
         let mut session = session(&tiles, metres, TileChoice::LoadMap);
         session.settle(&view(camera), &tiles).unwrap();

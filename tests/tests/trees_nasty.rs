@@ -61,8 +61,14 @@ fn look(
     };
     let engine = Engine::new(headless::open(AdapterChoice::Software).unwrap(), scene, options).unwrap();
     let mut session = Session::new(engine, SIZE[0], SIZE[1], 2).unwrap();
-    let view =
-        ViewRequest { camera, width: SIZE[0], height: SIZE[1], sun_unix_seconds: None, shadow_steps: 8 };
+    let view = ViewRequest {
+        camera,
+        width: SIZE[0],
+        height: SIZE[1],
+        sun_unix_seconds: None,
+        shadow_steps: 8,
+        weather: treeline_client::engine::Weather::default(),
+    };
     session.settle(&view, tiles).unwrap();
     assert_eq!(session.engine.gpu().error(), None);
     let capture = session.capture().unwrap();

@@ -6,6 +6,7 @@ use crate::stream::{StreamError, StreamOptions};
 use treeline_core::camera::GeographicCamera;
 use treeline_core::layer::Layer;
 use treeline_core::sun::TimeError;
+pub use treeline_shaders::weather::Weather;
 
 /// Shadow steps where the host says nothing (the design's example: a reach of 3.5 km).
 pub const DEFAULT_SHADOW_STEPS: u32 = 30;
@@ -67,6 +68,8 @@ pub struct ViewRequest {
     pub sun_unix_seconds: Option<f64>,
     /// Steps of the shadow march; 0 for no shadows.
     pub shadow_steps: u32,
+    /// Wind and clouds.
+    pub weather: Weather,
 }
 
 /// What the host fetched.

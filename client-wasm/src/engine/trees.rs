@@ -1,6 +1,6 @@
 //! The engine's trees: models of species, and what the last frame's trees were selected from.
 
-use super::{Engine, Payload, Resource, TileRequest};
+use super::{Engine, Payload, Resource, TileRequest, Weather};
 use crate::passes::select_trees::SelectTrees;
 use crate::stream::requests::{Failure, FetchFailure, RequestId};
 use crate::stream::tree_field::{SeedFrameCells, TreeField};
@@ -63,6 +63,14 @@ impl Engine {
     /// What the last frame's passes knew of it.
     pub fn drawn_view(&self) -> Option<&View> {
         self.drawn.as_ref().map(|drawn| &drawn.view)
+    }
+
+    /// Whether the last frame's picture changes by itself under a weather: the wind blows, and there is forest in sight
+    /// or a cloud's shadow to drift. Where not, nothing has to be drawn again.
+    pub fn stirs(&self, weather: &Weather) -> bool {
+        let Some(drawn) = self.drawn.as_ref().filter(|_| weather.wind > 0.0) else { return false };
+        let leaves = &drawn.tables.leaves;
+        leaves.iter().any(|leaf| weather.clouds > 0.0 || self.wooded.contains(&leaf.slot))
     }
 
     /// The pass that selects trees, if any were ever looked at.

@@ -4,7 +4,7 @@ use super::capture::Capture;
 use super::fetch::{Fetched, TileFetcher};
 use super::session::Session;
 use super::{AdapterChoice, HeadlessError, open};
-use crate::engine::{Engine, EngineOptions, ViewRequest};
+use crate::engine::{Engine, EngineOptions, ViewRequest, Weather};
 use crate::passes::compress_photo::PhotoCompression;
 use crate::stream::StreamOptions;
 use crate::stream::decode::TEXTURE_SIDE;
@@ -81,7 +81,14 @@ impl TileFetcher for World {
 fn view(height: f64, pitch_deg: f64) -> ViewRequest {
     let camera =
         GeographicCamera { lon: 11.12, lat: 47.0, height, heading_deg: 30.0, pitch_deg, fov_y_deg: 50.0 };
-    ViewRequest { camera, width: WIDTH, height: HEIGHT, sun_unix_seconds: None, shadow_steps: 4 }
+    ViewRequest {
+        camera,
+        width: WIDTH,
+        height: HEIGHT,
+        sun_unix_seconds: None,
+        shadow_steps: 4,
+        weather: Weather::default(),
+    }
 }
 
 fn session() -> Session {

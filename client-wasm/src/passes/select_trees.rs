@@ -17,6 +17,8 @@ pub struct SelectVariant {
     pub shadows: bool,
     /// The day differs from high summer.
     pub season: bool,
+    /// Clouds throw shadows.
+    pub clouds: bool,
 }
 
 /// The pass with its buffers.
@@ -109,6 +111,7 @@ impl SelectTrees {
             flag("WITH_PHOTO", variant.photo),
             flag("WITH_SHADOWS", variant.shadows),
             flag("WITH_SEASON", variant.season),
+            flag("WITH_CLOUDS", variant.clouds),
         ];
         let pipeline = |name: &str, groups: &[Option<&wgpu::BindGroupLayout>]| {
             let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {

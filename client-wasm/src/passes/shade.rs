@@ -17,6 +17,10 @@ pub struct ShadeVariant {
     pub shadows: bool,
     /// The day differs from high summer.
     pub season: bool,
+    /// The wind blows.
+    pub wind: bool,
+    /// Clouds throw shadows.
+    pub clouds: bool,
     /// Trees are drawn one by one over the picture: the canopy gives way to them, and depths are written.
     pub trees: bool,
 }
@@ -75,6 +79,8 @@ impl Shade {
             water: variant.surface,
             shadows: variant.shadows,
             season: variant.season,
+            wind: variant.wind,
+            clouds: variant.clouds,
             encode_srgb: !variant.format.is_srgb(),
         }
         .constants();

@@ -20,6 +20,8 @@ pub struct TreesVariant {
     pub format: wgpu::TextureFormat,
     /// The day differs from high summer.
     pub season: bool,
+    /// The wind blows.
+    pub wind: bool,
 }
 
 /// The pass.
@@ -83,14 +85,21 @@ impl Trees {
             bind_group_layouts: &[Some(view_layout), Some(&layout), Some(&draw_layout)],
             immediate_size: 0,
         });
-        let constants = [flag("ENCODE_SRGB", !format.is_srgb()), flag("WITH_SEASON", variant.season)];
+        let constants = [
+            flag("ENCODE_SRGB", !format.is_srgb()),
+            flag("WITH_SEASON", variant.season),
+            flag("WITH_WIND", variant.wind),
+        ];
         let pipeline = device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
             label: Some("trees"),
             layout: Some(&pipeline_layout),
             vertex: wgpu::VertexState {
                 module: &module,
                 entry_point: Some("tree_vertex"),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                compilation_options: wgpu::PipelineCompilationOptions {
+                    constants: &constants,
+                    ..Default::default()
+                },
                 buffers: &[],
             },
             // Leaves are seen from both sides.

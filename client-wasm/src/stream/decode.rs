@@ -27,6 +27,13 @@ pub struct ElevationPixels {
     pub summary: ElevationSummary,
 }
 
+impl ElevationPixels {
+    /// Whether any node has canopy.
+    pub fn grows(&self) -> bool {
+        self.surface.iter().flat_map(|pairs| pairs.as_chunks::<2>().0).any(|&[_, canopy]| canopy > 0)
+    }
+}
+
 /// What the CPU keeps of an elevation tile while it is resident.
 #[derive(Clone, Debug)]
 pub struct ElevationSummary {

@@ -8,12 +8,12 @@ use super::events;
 use super::failure::{Failure, text_of};
 use super::fetch;
 use super::graphics::Graphics;
-use super::session::{EngineGround, Session, parameter};
+use super::session::{EngineGround, Session, parameter, weather};
 use super::wire::WireLog;
 use crate::controls::Controls;
 use crate::controls::address::Address;
 use crate::controls::resolution::Resolution;
-use crate::engine::{FrameReport, TileRequest};
+use crate::engine::{FrameReport, TileRequest, Weather};
 use crate::outage::Outage;
 use crate::stats::Stats;
 use crate::stream::requests::{FetchFailure, RequestId};
@@ -35,6 +35,9 @@ thread_local! {
 pub(super) fn running() -> Option<Rc<App>> {
     RUNNING.with(|running| running.borrow().upgrade())
 }
+
+/// However long a frame took, the wind goes on by no more than this, seconds.
+const LONGEST_STIR_SECONDS: f64 = 0.1;
 
 /// What `requestAnimationFrame` calls.
 type FrameCallback = Closure<dyn FnMut(f64)>;
@@ -59,6 +62,9 @@ pub(super) struct State {
     pub(super) resolution: Resolution,
     pub(super) address: Address,
     pub(super) sun_unix_seconds: Option<f64>,
+    pub(super) weather: Weather,
+    /// The person wants little to move.
+    reduced_motion: bool,
     /// CSS pixels of the canvas, and device pixels.
     pub(super) css_size: (f64, f64),
     pub(super) size: (u32, u32),
@@ -126,6 +132,8 @@ impl App {
                 resolution,
                 address,
                 sun_unix_seconds,
+                weather: weather(),
+                reduced_motion: reduced,
                 css_size: (1.0, 1.0),
                 size: (1, 1),
                 fixed_size: false,
@@ -172,6 +180,11 @@ impl App {
         self.window.performance().map_or(0.0, |clock| clock.now() / 1000.0)
     }
 
+    /// Whether nobody can see the page.
+    fn is_hidden(&self) -> bool {
+        self.window.document().is_some_and(|document| document.hidden())
+    }
+
     /// Asks for a frame.
     pub fn wake(&self) {
         if self.scheduled.get() || self.state.borrow().paused {
@@ -213,13 +226,31 @@ impl App {
             // The GPU wakes the loop when it is done.
             return None;
         }
+        // Frames in the wind may be drawn with fewer pixels, as those of a camera that moves. Who waits for a settled
+        // view is given one: the wind holds its breath.
+        let stirs = !full
+            && !state.reduced_motion
+            && state.waiting_for_settled.is_empty()
+            && !self.is_hidden()
+            && (active || !session.graphics.is_software())
+            && session.engine.stirs(&state.weather);
+        if stirs {
+            state.weather.seconds += seconds.min(LONGEST_STIR_SECONDS);
+            state.resolution.moved(now);
+        }
         let scale = if full { 1.0 } else { state.resolution.scale(now) };
         let size = scaled(state.size, scale);
         if full {
             session.engine.invalidate();
         }
-        let (report, more) =
-            session.step(now, state.controls.camera(), size, state.size, state.sun_unix_seconds);
+        let (report, more) = session.step(
+            now,
+            state.controls.camera(),
+            size,
+            state.size,
+            state.sun_unix_seconds,
+            state.weather,
+        );
         if report.drawn {
             state.in_flight += 1;
             state.scale = scale;
@@ -235,11 +266,11 @@ impl App {
         let still = full || state.resolution.is_still(now);
         // The picture is complete where it shows all, at full size, of a camera that rests.
         state.settled = report.settled && scale == 1.0 && !active;
-        if !active && !moved {
+        if !active && !moved && !stirs {
             // The next step begins where something moves again, not where the last one ended.
             state.last_step = None;
         }
-        Some((report, active || !still || more))
+        Some((report, active || stirs || !still || more))
     }
 
     /// Requests, aborts, progress, and whoever waits.

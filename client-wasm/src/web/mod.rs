@@ -113,6 +113,24 @@ impl Landscape {
         self.app.set_season(name).map_err(|problem| js_sys::Error::new(&problem).into())
     }
 
+    /// Speed of the wind, m/s.
+    pub fn wind(&self) -> f64 {
+        self.app.weather().wind
+    }
+
+    /// Share of the sky under clouds.
+    pub fn clouds(&self) -> f64 {
+        self.app.weather().clouds
+    }
+
+    /// Sets the wind (m/s) and the share of the sky under clouds (0 to 1).
+    ///
+    /// # Errors
+    /// A line that names what is out of range.
+    pub fn set_weather(&self, wind: f64, clouds: f64) -> Result<(), JsValue> {
+        self.app.set_weather(wind, clouds).map_err(|problem| js_sys::Error::new(&problem).into())
+    }
+
     /// The scene's description, as `/scene.json` has it.
     pub fn scene(&self) -> Result<JsValue, JsValue> {
         js_sys::JSON::parse(&self.app.scene_json())

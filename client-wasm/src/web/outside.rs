@@ -5,10 +5,12 @@ use super::failure::text_of;
 use super::session::EngineGround;
 use crate::controls::Input;
 use crate::controls::address::Address;
+use crate::engine::Weather;
 use js_sys::Promise;
 use treeline_core::camera::GeographicCamera;
 use treeline_core::seeds::season::NamedSeason;
 use treeline_core::sun::unix_seconds_from_rfc3339;
+use treeline_shaders::weather::STRONGEST_WIND;
 use wasm_bindgen::JsValue;
 
 /// Largest picture, pixels: beyond it sharpness is not worth its time.
@@ -245,6 +247,25 @@ impl App {
         Ok(())
     }
 
+    /// Wind (m/s) and share of the sky under clouds.
+    pub fn weather(&self) -> Weather {
+        self.state.borrow().weather
+    }
+
+    /// Sets both.
+    pub fn set_weather(&self, wind: f64, clouds: f64) -> Result<(), String> {
+        let wind = within(wind, STRONGEST_WIND, "wind, in metres a second,")?;
+        let clouds = within(clouds, 1.0, "the share of clouds")?;
+        {
+            let mut state = self.state.borrow_mut();
+            let seconds = state.weather.seconds;
+            state.weather = Weather { wind, seconds, clouds };
+            state.settled = false;
+        }
+        self.wake();
+        Ok(())
+    }
+
     /// Moves the date to a season, and keeps the time of day.
     pub fn set_season(&self, name: &str) -> Result<(), String> {
         let Some(season) = NamedSeason::from_name(name) else {
@@ -258,6 +279,11 @@ impl App {
         let text: String = date.to_iso_string().into();
         self.set_time(&format!("{}Z", text.split('.').next().unwrap_or(&text).trim_end_matches('Z')))
     }
+}
+
+/// A number within its range.
+fn within(value: f64, most: f64, what: &str) -> Result<f64, String> {
+    if (0.0..=most).contains(&value) { Ok(value) } else { Err(format!("{what} is 0 to {most}, not {value}")) }
 }
 
 fn json(value: &impl serde::Serialize) -> String {

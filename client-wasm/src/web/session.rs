@@ -3,13 +3,16 @@
 use super::failure::Failure;
 use super::graphics::Graphics;
 use crate::controls::Ground;
-use crate::engine::{DEFAULT_SHADOW_STEPS, Engine, EngineError, EngineOptions, FrameReport, ViewRequest};
+use crate::engine::{
+    DEFAULT_SHADOW_STEPS, Engine, EngineError, EngineOptions, FrameReport, ViewRequest, Weather,
+};
 use crate::stream::requests::RequestId;
 use crate::stream::tile_choice::TileChoice;
 use crate::stream::tree_field::FARTHEST_METRES;
 use std::collections::HashMap;
 use treeline_core::camera::GeographicCamera;
 use treeline_core::scene::SceneDescription;
+use treeline_shaders::weather::STRONGEST_WIND;
 use web_sys::AbortController;
 
 /// A device with an engine on it.
@@ -55,6 +58,7 @@ impl Session {
         size: (u32, u32),
         full_size: (u32, u32),
         sun_unix_seconds: Option<f64>,
+        weather: Weather,
     ) -> (FrameReport, bool) {
         if self.graphics.resize(size.0, size.1) {
             self.engine.invalidate();
@@ -66,6 +70,7 @@ impl Session {
             height: size.1,
             sun_unix_seconds,
             shadow_steps: DEFAULT_SHADOW_STEPS,
+            weather,
         };
         let picture = if self.engine.wants_frame(&request) { self.graphics.next() } else { None };
         let target = picture.as_ref().map(super::graphics::Picture::target);
@@ -100,6 +105,23 @@ fn tree_metres() -> Option<f64> {
         web_sys::console::warn_1(&line.into());
     }
     metres
+}
+
+/// The weather of the page's address: `?wind=` in m/s and `?clouds=`, a share of the sky.
+pub(super) fn weather() -> Weather {
+    let number = |name: &str, most: f64| {
+        let text = parameter(name)?;
+        let number = text.parse::<f64>().ok().filter(|number| (0.0..=most).contains(number));
+        if number.is_none() {
+            web_sys::console::warn_1(&format!("?{name}={text}: it must be a number, 0 to {most}").into());
+        }
+        number
+    };
+    Weather {
+        wind: number("wind", STRONGEST_WIND).unwrap_or(0.0),
+        seconds: 0.0,
+        clouds: number("clouds", 1.0).unwrap_or(0.0),
+    }
 }
 
 /// Who chooses the tiles: `?tiles=cpu` is the quadtree, for comparison.

@@ -26,6 +26,7 @@ pub mod select_trees;
 pub mod shadow;
 pub mod sky;
 pub mod terrain;
+pub mod weather;
 
 use crate::layout::{Leaf, Sheet, View};
 
