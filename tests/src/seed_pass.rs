@@ -195,7 +195,7 @@ impl Wood {
 
     /// The pass that selects trees.
     pub fn pass(&self) -> SelectTrees {
-        let variant = SelectVariant { photo: false, shadows: false };
+        let variant = SelectVariant { photo: false, shadows: false, season: false, clouds: false };
         let (device, queue) = (&self.gpu.device, &self.gpu.queue);
         let pass = SelectTrees::new(device, queue, &self.layout, variant, &self.table);
         pass.write_vertex_counts(queue, &vec![QUAD_VERTICES; pass.bins() as usize]);

@@ -119,7 +119,7 @@ fn trees_and_canopy_turn_alike() {
         assert!((warmth(trees) / warmth(canopy) - 1.0).abs() < 0.15, "{trees:?} {canopy:?}");
         looks.push([trees, canopy]);
     }
-    for one in 0..2 {
+    for one in [0, 1] {
         let [summer, autumn, winter] = [0, 1, 2].map(|season: usize| looks[season][one]);
         assert!(warmth(autumn) > 1.08 * warmth(summer), "it turns: {summer:?} {autumn:?}");
         let blue = |[_, green, blue]: [f64; 3]| blue / green;

@@ -285,7 +285,7 @@ fn the_twin_selects_the_same_trees_in_the_same_order() {
     let tiles = RouterTiles::built_in().unwrap();
     let scene = tiles.scene().unwrap();
     let levels = scene.land_cover.unwrap();
-    for (above, pitch_deg, metres) in [(40.0, -12.0, 400.0), (3.0, -6.0, 250.0), (300.0, -60.0, 700.0)] {
+    for (above, pitch_deg, metres) in [(40.0, -12.0, 400.0), (3.0, -15.0, 250.0), (300.0, -60.0, 700.0)] {
         let camera = GeographicCamera { pitch_deg, ..forest_camera(&tiles, above) };
         let mut session = session(&tiles, metres, TileChoice::LoadMap);
         session.settle(&view(camera), &tiles).unwrap();

@@ -72,7 +72,7 @@ fn a_named_season_is_near_and_at_the_same_time_of_day() {
             assert_eq!((then - now) % 86_400.0, 0.0);
             assert!((then - now).abs() < 184.0 * 86_400.0);
             let off = (northern_day(then, latitude) - middle).abs();
-            assert!(off < 2.0 || off > 363.0, "{name} at {latitude}: {off}");
+            assert!(!(2.0..=363.0).contains(&off), "{name} at {latitude}: {off}");
         }
     }
     let summer = NamedSeason::Summer.near(now, 46.5);

@@ -207,7 +207,7 @@ fn the_lake_is_level_and_is_where_water_is() {
 }
 
 #[test]
-fn forest_thins_out_at_the_tree_line_and_beech_stays_below() {
+fn forest_thins_out_at_the_tree_line_and_each_species_has_its_belt() {
     let grid = SampleGrid::Lattice(LatticeWindow::of_tile(
         TileAddress::at(9, geography::CENTRE_LONGITUDE, geography::CENTRE_LATITUDE),
         Registration::Cell,
@@ -226,9 +226,14 @@ fn forest_thins_out_at_the_tree_line_and_beech_stays_below() {
     let ragged = share(1850.0, 2050.0, &forest);
     assert!((0.05..0.7).contains(&ragged), "{ragged}");
     assert_eq!(share(2450.0, 4000.0, &forest), 0.0);
-    let beech = |c: &Cover| c.species == 2;
-    assert!(share(600.0, 900.0, &beech) > 0.2);
-    assert!(share(1750.0, 2000.0, &beech) < 0.02);
+    let broadleaf = |c: &Cover| [2, 7, 8, 9].contains(&c.species);
+    assert!(share(600.0, 900.0, &broadleaf) > 0.2);
+    assert!(share(1750.0, 2000.0, &broadleaf) < 0.02);
+    let of = |code: u8| move |c: &Cover| c.species == code;
+    let (beech, larch, oak) = (of(2), of(4), of(7));
+    assert!(share(900.0, 1300.0, &beech) > 0.02 && share(1600.0, 2000.0, &beech) < 0.01);
+    assert!(share(1700.0, 1950.0, &larch) > 3.0 * share(600.0, 1000.0, &larch));
+    assert!(share(600.0, 800.0, &oak) > 0.01 && share(1100.0, 1500.0, &oak) == 0.0);
     let snow = |c: &Cover| c.surface() == SurfaceType::Snow;
     assert!(share(3050.0, 4000.0, &snow) > 0.3);
     assert_eq!(share(500.0, 2000.0, &snow), 0.0);
