@@ -159,7 +159,8 @@ pub struct View {
     pub root_level: u32,
     /// Steps of the shadow march.
     pub shadow_steps: u32,
-    /// Bits: [`HARD_SWITCH`].
+    /// Bits: [`HARD_SWITCH`], [`crate::season::FLAG_SEASON`], [`crate::weather::FLAG_WIND`],
+    /// [`crate::weather::FLAG_CLOUDS`].
     pub flags: u32,
     /// Counts frames, for dithering; 0 in tests.
     pub frame: u32,
