@@ -319,8 +319,14 @@ impl Flight {
             let wanted = |tile: &TileAddress| tile.ancestor(tile.level.min(deepest));
             let would_show =
                 sight.needed.iter().filter_map(wanted).filter_map(|tile| finest(&before[index], tile));
-            let gone: BTreeSet<TileAddress> =
-                would_show.filter(|tile| !now.contains(tile) && self.shown[index].contains(tile)).collect();
+            // Where the budget has just made all coarser, the next frame would not have shown it either.
+            let wants = |tile: &TileAddress| {
+                let lists = self.engine.analysis().map(|lists| [&lists.elevation, &lists.texture][index]);
+                lists.is_none_or(|list| list.current().iter().any(|named| tile.covers(&named.address)))
+            };
+            let gone: BTreeSet<TileAddress> = would_show
+                .filter(|tile| !now.contains(tile) && self.shown[index].contains(tile) && wants(tile))
+                .collect();
             self.tally.evicted_in_sight += gone.len() as u64;
             self.shown[index] =
                 sight.needed.iter().filter_map(wanted).filter_map(|tile| finest(&now, tile)).collect();

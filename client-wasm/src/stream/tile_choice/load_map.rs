@@ -26,12 +26,20 @@ pub struct Step {
     error: f64,
     /// [`CutNode::sure`].
     sure: bool,
+    /// Whether it fills pixels: what stands in for it is on the screen.
+    seen: bool,
+    /// Tiles that will be asked for on the way before the one that is wanted.
+    stops: usize,
 }
 
 impl Step {
-    /// Until the tile comes, the finest that is there is drawn in its place, and so must stay.
-    fn stand_in(&self, pool: &Pool) -> Option<TileAddress> {
-        if pool.is_known(&self.address) { None } else { pool.nearest(self.address).map(|(tile, _)| tile) }
+    /// What is drawn in its place: itself, or until it comes the finest that is there.
+    fn drawn(&self, pool: &Pool) -> Option<TileAddress> {
+        if pool.is_known(&self.address) {
+            pool.resident(&self.address).map(|_| self.address)
+        } else {
+            pool.nearest(self.address).map(|(tile, _)| tile)
+        }
     }
 }
 
@@ -66,37 +74,30 @@ pub fn choose(
         let order = b.sure.cmp(&a.sure).then_with(|| b.worth.total_cmp(&a.worth));
         order.then_with(|| a.wanted.cmp(&b.wanted))
     });
+    // What is on the screen stays, whatever else comes.
+    for step in scratch.iter().filter(|step| step.seen) {
+        if cut.nodes.len() < layer.capacity
+            && let Some(tile) = step.drawn(layer.pool)
+        {
+            cut.nodes.entry(tile).or_insert(CutNode { split: false, error: 0.0, sure: true });
+        }
+    }
+    // Each tile is promised a slot, and one more for every stop on its way down, which will be drawn meanwhile. What is
+    // promised never grows as tiles come: who is in stays in, and others follow.
     let mut promised = cut.nodes.len();
-    let mut admitted = 0;
     for step in scratch.iter() {
-        let &Step { address, error, sure, .. } = step;
-        let stand_in = step.stand_in(layer.pool);
+        let &Step { address, error, sure, stops, .. } = step;
+        let stand_in = step.drawn(layer.pool).filter(|&tile| tile != address);
         let new = [Some((address, error, sure)), stand_in.map(|tile| (tile, 0.0, true))];
-        // On the way down each tile will need a slot of its own beside the one that is drawn meanwhile, whatever it
-        // shares now. What is promised shrinks as tiles come: who is in stays in, and others follow.
-        promised += match stand_in {
-            Some(_) if address != step.wanted => 2,
-            _ => new.iter().flatten().filter(|(tile, ..)| !cut.nodes.contains_key(tile)).count(),
-        };
+        promised += new.iter().flatten().filter(|(tile, ..)| !cut.nodes.contains_key(tile)).count() + stops;
         if promised > layer.capacity {
             cut.limited = true;
             break;
         }
-        admitted += 1;
         for (tile, error, sure) in new.into_iter().flatten() {
             let node = cut.nodes.entry(tile).or_insert(CutNode { split: false, error, sure });
             node.error = node.error.max(error);
             node.sure |= sure;
-        }
-    }
-    // What is drawn in place of the rest stays as long as there is room.
-    for step in &scratch[admitted..] {
-        if cut.nodes.len() >= layer.capacity {
-            break;
-        }
-        let drawn = layer.pool.resident(&step.address).map(|_| step.address);
-        if let Some(tile) = drawn.or_else(|| step.stand_in(layer.pool)) {
-            cut.nodes.entry(tile).or_insert(CutNode { split: false, error: 0.0, sure: true });
         }
     }
     mark_split(cut, scratch);
@@ -120,6 +121,8 @@ fn step(named: &Named, layer: &Layer<'_>) -> Step {
         worth: pixels * too_coarse(layer.base.first().map_or(0, |tile| tile.level)),
         error: pixels * too_coarse(drawn),
         sure: named.pixels > 0 || named.ahead,
+        seen: named.pixels > 0,
+        stops: usize::from((wanted.level - level).div_ceil(LEVELS_AT_ONCE)),
     }
 }
 
@@ -132,6 +135,8 @@ fn mark_split(cut: &mut Cut, scratch: &mut Vec<Step>) {
         worth: 0.0,
         error: 0.0,
         sure: true,
+        seen: true,
+        stops: 0,
     }));
     for &Step { address, .. } in scratch.iter() {
         let mut next = address.parent();
