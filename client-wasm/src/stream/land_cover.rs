@@ -1,11 +1,12 @@
 //! Land cover about the eye: which tiles of it the trees need, and which cells have all that they need.
 
+use super::Stream;
+use super::placing::place;
 use super::requests::TileKey;
 use super::tile_choice::CutNode;
 use super::tile_choice::cpu::HeightRange;
 use super::tree_field::{SeedFrameCells, TreeField, with_neighbours};
 use super::view::ViewGeometry;
-use super::{Stream, place};
 use treeline_core::tile::TileAddress;
 
 /// How much land cover at the eye is wanted, as pixels, and the distance at which half as much, metres.
