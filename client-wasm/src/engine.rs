@@ -406,7 +406,7 @@ impl Engine {
     }
 
     /// Counts what an answer was on the wire: the engine sees bodies only after the platform has undone
-    /// their compression, so the host says it ([`Stats::bytes`] says what counts).
+    /// their compression, so the host says it ([`crate::stats::Stats::bytes`] says what counts).
     pub fn count_wire_bytes(&mut self, resource: &Resource, bytes: u64) {
         *self.bytes.entry(resource.name()).or_default() += bytes;
     }
