@@ -38,20 +38,7 @@ type Answer = (TileRequest, Result<FetchedTile, FetchFailure>);
 impl Session {
     /// With a picture of so many pixels; `workers` threads fetch and decode.
     pub fn new(engine: Engine, width: u32, height: u32, workers: usize) -> Result<Self, HeadlessError> {
-        let largest = engine.gpu().device.limits().max_texture_dimension_2d;
-        if width.max(height) > largest || width.min(height) == 0 {
-            return Err(HeadlessError::TooLarge(width, height, largest));
-        }
-        let picture = engine.gpu().device.create_texture(&wgpu::TextureDescriptor {
-            label: Some("picture"),
-            size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format: FORMAT,
-            usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC,
-            view_formats: &[],
-        });
+        let picture = picture(&engine, width, height)?;
         Ok(Self { engine, picture, now: 0.0, workers: workers.max(1) })
     }
 
@@ -153,6 +140,10 @@ impl Session {
 
     /// Draws the view from what is resident, and waits for it.
     pub fn draw(&mut self, view: &ViewRequest) -> Result<FrameReport, HeadlessError> {
+        if [self.picture.width(), self.picture.height()] != [view.width, view.height] {
+            // The depth that trees are drawn with is of the view's size.
+            self.picture = picture(&self.engine, view.width, view.height)?;
+        }
         let target_view = self.picture.create_view(&Default::default());
         let target = FrameTarget { view: &target_view, format: FORMAT };
         self.engine.invalidate();
@@ -197,4 +188,22 @@ impl Session {
             hit: bytemuck::pod_collect_to_vec(&hit),
         })
     }
+}
+
+/// A picture to draw into.
+fn picture(engine: &Engine, width: u32, height: u32) -> Result<wgpu::Texture, HeadlessError> {
+    let largest = engine.gpu().device.limits().max_texture_dimension_2d;
+    if width.max(height) > largest || width.min(height) == 0 {
+        return Err(HeadlessError::TooLarge(width, height, largest));
+    }
+    Ok(engine.gpu().device.create_texture(&wgpu::TextureDescriptor {
+        label: Some("picture"),
+        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format: FORMAT,
+        usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC,
+        view_formats: &[],
+    }))
 }
