@@ -8,69 +8,7 @@ use treeline_shaders::layout::View;
 use treeline_shaders::twin::crown_light::{light_into_canopy, mean_crown_height, mean_crown_light};
 use treeline_shaders::twin::crowns::{CanopyRay, Met, first_crown, place_of_grid, stand_of};
 use treeline_shaders::{CROWN_LIGHT, CROWNS, FRAME_BINDINGS, LAYOUT, LIGHTING, PHOTO, SEEDS, SHADOW, SKY};
-use treeline_tests::gpu::software_gpu;
-use wgpu::util::DeviceExt as _;
-
-/// Runs a kernel `ask` over `questions` (binding 0 of group 1, answers at binding 1; group 0 is `view`).
-fn ask<Question: bytemuck::Pod, Answer: bytemuck::Pod>(
-    text: &str,
-    view: &View,
-    questions: &[Question],
-) -> Vec<Answer> {
-    let (device, queue) = software_gpu();
-    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: Some("forest"),
-        source: wgpu::ShaderSource::Wgsl(text.into()),
-    });
-    let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-        label: Some("forest"),
-        layout: None,
-        module: &module,
-        entry_point: Some("ask"),
-        compilation_options: wgpu::PipelineCompilationOptions::default(),
-        cache: None,
-    });
-    let buffer = |contents: &[u8], usage| {
-        device.create_buffer_init(&wgpu::util::BufferInitDescriptor { label: None, contents, usage })
-    };
-    let size = (questions.len() * size_of::<Answer>()) as u64;
-    let empty = |usage| {
-        device.create_buffer(&wgpu::BufferDescriptor { label: None, size, usage, mapped_at_creation: false })
-    };
-    let view = buffer(bytemuck::bytes_of(view), wgpu::BufferUsages::UNIFORM);
-    let asked = buffer(bytemuck::cast_slice(questions), wgpu::BufferUsages::STORAGE);
-    let answered = empty(wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC);
-    let read_back = empty(wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST);
-    let group = |index, buffers: &[&wgpu::Buffer]| {
-        let entries: Vec<_> = buffers
-            .iter()
-            .enumerate()
-            .map(|(binding, buffer)| wgpu::BindGroupEntry {
-                binding: binding as u32,
-                resource: buffer.as_entire_binding(),
-            })
-            .collect();
-        device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: None,
-            layout: &pipeline.get_bind_group_layout(index),
-            entries: &entries,
-        })
-    };
-    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    {
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-        pass.set_pipeline(&pipeline);
-        pass.set_bind_group(0, &group(0, &[&view]), &[]);
-        pass.set_bind_group(1, &group(1, &[&asked, &answered]), &[]);
-        pass.dispatch_workgroups((questions.len() as u32).div_ceil(64), 1, 1);
-    }
-    encoder.copy_buffer_to_buffer(&answered, 0, &read_back, 0, size);
-    queue.submit([encoder.finish()]);
-    read_back.slice(..).map_async(wgpu::MapMode::Read, |result| result.expect("the answers can be mapped"));
-    device.poll(wgpu::PollType::wait_indefinitely()).expect("the device answers");
-    let bytes = read_back.slice(..).get_mapped_range().expect("the answers are mapped");
-    bytemuck::cast_slice(&bytes).to_vec()
-}
+use treeline_tests::kernel::ask;
 
 const SEEDS_KERNEL: &str = r"
 struct Answer { row: vec2<u32>, pattern: u32, rank: u32, place: vec2<u32>, units: vec2<u32>, looks: vec2<u32> }
@@ -115,7 +53,7 @@ fn seeds_are_the_same_bit_for_bit() {
     for scene_seed in [1, 0, 0xdead_beef] {
         let view = View { scene_seed, ..View::default() };
         let text = [LAYOUT, FRAME_BINDINGS, SEEDS, SEEDS_KERNEL].concat();
-        let answers: Vec<[u32; 10]> = ask(&text, &view, &questions);
+        let answers: Vec<[u32; 10]> = ask(&text, &[(0, bytemuck::bytes_of(&view))], &questions);
         for (&[column, row, i, j], answer) in questions.iter().zip(&answers) {
             let cells = CellRow::new(row);
             let columns = cells.columns.max(1);
@@ -218,7 +156,7 @@ fn crowns_agree_with_the_twins() {
             sun: [0.3, 0.6, 0.741_62, 6.4e6],
             ..View::default()
         };
-        let answers: Vec<CrownAnswer> = ask(&text, &view, &questions);
+        let answers: Vec<CrownAnswer> = ask(&text, &[(0, bytemuck::bytes_of(&view))], &questions);
         let (mut crowns, mut apart) = (0, 0);
         for (question, answer) in questions.iter().zip(&answers) {
             let stand = stand_of(&view, question.height, 1.0);
