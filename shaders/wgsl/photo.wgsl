@@ -114,3 +114,41 @@ fn photo_colour(grid: vec2<u32>, fraction: vec2<f32>, footprint: f32, stretch: v
     }
     return mix(coarse, photo_in_page(pages.fine, grid, fraction, stretch), share);
 }
+
+// Taps along a side of a patch.
+const PATCH_TAPS: u32 = 4u;
+
+// Mean colour of a page over a square patch about a place, `metres` wide. It is kept within the tile.
+fn patch_in_page(page: PhotoPage, grid: vec2<u32>, metres: f32) -> vec4<f32> {
+    let bits = ROOT_BITS - (page.level - view.root_level);
+    let within = grid & vec2<u32>((1u << bits) - 1u);
+    let texel = (vec2<f32>(within) + 0.5) * (PHOTO_CELLS / f32(1u << bits)) + PHOTO_BORDER;
+    let side = metres / LEVEL_0_TEXEL * exp2(f32(page.level));
+    if side < 1.5 {
+        return textureSampleLevel(photo, photo_sampler, texel / PHOTO_SIDE, page.slot, 0.0);
+    }
+    var sum = vec4<f32>(0.0);
+    for (var tap = 0u; tap < PATCH_TAPS * PATCH_TAPS; tap++) {
+        let at = vec2<f32>(vec2<u32>(tap % PATCH_TAPS, tap / PATCH_TAPS));
+        let offset = (at + 0.5) / f32(PATCH_TAPS) - 0.5;
+        let place = clamp(texel + offset * side, vec2<f32>(0.5), vec2<f32>(PHOTO_SIDE - 0.5));
+        sum += textureSampleLevel(photo, photo_sampler, place / PHOTO_SIDE, page.slot, 0.0);
+    }
+    return sum / f32(PATCH_TAPS * PATCH_TAPS);
+}
+
+// Mean colour of the photo over a square patch, from texels as wide as its taps are apart or finer where there are
+// any: coarser ones know of what lies round it, and a tree would change its colour with what happens to be resident.
+// Alpha 0: there is no photo.
+fn photo_patch(grid: vec2<u32>, metres: f32) -> vec4<f32> {
+    let wanted = max(photo_level(metres / f32(PATCH_TAPS)), f32(view.root_level));
+    let pages = photo_pages(grid, u32(ceil(wanted)));
+    if pages.fine.slot == EMPTY {
+        return vec4<f32>(0.0);
+    }
+    let fine = patch_in_page(pages.fine, grid, metres);
+    if pages.fine.fade > 0.995 || pages.coarse.slot == EMPTY {
+        return fine;
+    }
+    return mix(patch_in_page(pages.coarse, grid, metres), fine, pages.fine.fade);
+}

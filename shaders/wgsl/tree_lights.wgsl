@@ -31,8 +31,7 @@ fn lights_of(cell: SeedCell, tree: SeedTree, placed: PlacedTree, away: f32) -> T
     var sun_seen = smoothstep(-0.012, 0.006, sun_cosine);
     var sky_seen = 1.0;
     if WITH_PHOTO {
-        let footprint = max(away * view.right.w, TREE_PHOTO_METRES);
-        let sample = photo_colour(unit, vec2<f32>(0.5), footprint, vec2<f32>(0.0), 1.0);
+        let sample = photo_patch(unit, max(away * view.right.w, TREE_PHOTO_METRES));
         colour = mix(colour, reflectance_of_photo(sample.rgb / max(sample.a, 1e-3)), sample.a);
     }
     // No two trees are of one green.

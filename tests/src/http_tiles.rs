@@ -15,6 +15,7 @@ pub struct HttpTiles {
     base: String,
     requests: AtomicU64,
     bytes: AtomicU64,
+    model_bytes: AtomicU64,
 }
 
 impl HttpTiles {
@@ -29,6 +30,7 @@ impl HttpTiles {
             base: base.trim_end_matches('/').to_owned(),
             requests: AtomicU64::new(0),
             bytes: AtomicU64::new(0),
+            model_bytes: AtomicU64::new(0),
         }
     }
 
@@ -47,6 +49,11 @@ impl HttpTiles {
     pub fn bytes(&self) -> u64 {
         self.bytes.load(Ordering::Relaxed)
     }
+
+    /// Those among them that are no tiles: the models of the species in sight, once each, whatever chooses the tiles.
+    pub fn model_bytes(&self) -> u64 {
+        self.model_bytes.load(Ordering::Relaxed)
+    }
 }
 
 impl TileFetcher for HttpTiles {
@@ -62,6 +69,9 @@ impl TileFetcher for HttpTiles {
         let wire_bytes = wire.len() as u64;
         self.requests.fetch_add(1, Ordering::Relaxed);
         self.bytes.fetch_add(wire_bytes, Ordering::Relaxed);
+        if url[self.base.len()..].starts_with("/trees/") {
+            self.model_bytes.fetch_add(wire_bytes, Ordering::Relaxed);
+        }
         let body = if packed {
             zstd::decode_all(&wire[..]).map_err(|error| FetchFailure::Temporary(error.to_string()))?
         } else {

@@ -33,6 +33,37 @@ pub fn difference(first: &RgbaImage, second: &RgbaImage, threshold: u8) -> Diffe
     Difference { mean: sum as f64 / (3.0 * pixels), share_over: over as f64 / pixels }
 }
 
+/// A picture `factor` times as small a side: every pixel the mean of what it replaces, as light adds up.
+///
+/// # Panics
+/// Where the sides are no multiples of the factor.
+#[must_use]
+pub fn reduced(picture: &RgbaImage, factor: u32) -> RgbaImage {
+    let [width, height] = [picture.width(), picture.height()].map(|side| {
+        assert_eq!(side % factor, 0, "a side of {side} pixels in steps of {factor}");
+        side / factor
+    });
+    let linear = |encoded: u8| {
+        let value = f64::from(encoded) / 255.0;
+        if value <= 0.040_45 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
+    };
+    let encoded = |linear: f64| {
+        let value =
+            if linear <= 0.003_130_8 { linear * 12.92 } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 };
+        (value * 255.0).round() as u8
+    };
+    RgbaImage::from_fn(width, height, |x, y| {
+        let mean = [0, 1, 2].map(|channel| {
+            let cells = (0..factor * factor).map(|cell| {
+                let (dx, dy) = (cell % factor, cell / factor);
+                linear(picture.get_pixel(x * factor + dx, y * factor + dy)[channel])
+            });
+            encoded(cells.sum::<f64>() / f64::from(factor * factor))
+        });
+        image::Rgba([mean[0], mean[1], mean[2], 255])
+    })
+}
+
 /// Keeps a picture for whoever looks at a failed test, in `failed-images` beside the test program's
 /// profile folder; gives its path.
 pub fn keep(name: &str, picture: &RgbaImage) -> anyhow::Result<PathBuf> {

@@ -227,7 +227,9 @@ impl Stream {
             };
             MapChoice {
                 analysis: Analysis::new(depths),
-                deepest: elevation.maximum_level.max(depths.texture.unwrap_or(0)),
+                // Heights go by the photo's levels, some of them coarser.
+                deepest: (elevation.maximum_level + depths.elevation_coarser)
+                    .max(depths.texture.unwrap_or(0)),
                 vegetation: depths.land_cover.map(|_| scene.seed),
                 threshold: Threshold::default(),
                 turns: Turns::default(),

@@ -101,6 +101,27 @@ pub fn photo_blend(
     (pages, share)
 }
 
+/// Taps along a side of a patch.
+pub const PATCH_TAPS: u32 = 4;
+
+/// Where a page is read for its mean over a square patch about a place, `metres` wide: texels from its tile's
+/// north-west corner (border not counted); kept within the tile and its border.
+pub fn patch_texels(view: &View, page: PhotoPage, grid: UVec2, metres: f32) -> Vec<Vec2> {
+    let texel = photo_texel(view, page, grid, Vec2::splat(0.5));
+    let side = metres / LEVEL_0_TEXEL * (page.level as f32).exp2();
+    if side < 1.5 {
+        return vec![texel];
+    }
+    let (least, greatest) = (Vec2::splat(0.5 - PHOTO_BORDER), Vec2::splat(PHOTO_CELLS + PHOTO_BORDER - 0.5));
+    (0..PATCH_TAPS * PATCH_TAPS)
+        .map(|tap| {
+            let at = UVec2::new(tap % PATCH_TAPS, tap / PATCH_TAPS).as_vec2();
+            let offset = (at + 0.5) / PATCH_TAPS as f32 - 0.5;
+            (texel + offset * side).clamp(least, greatest)
+        })
+        .collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -168,6 +189,23 @@ mod tests {
     }
 
     proptest! {
+        #[test]
+        fn a_patch_lies_about_its_place_and_within_the_tile(x in 0.0..1.0_f64, y in 0.0..1.0_f64, below in 0..10_u32, metres in 0.1..200.0_f32) {
+            let page = PhotoPage { slot: 0, level: ROOT_LEVEL + below, fade: 1.0 };
+            let taps = patch_texels(&view(), page, in_root(x, y), metres);
+            let texel = photo_texel(&view(), page, in_root(x, y), Vec2::splat(0.5));
+            let side = metres / LEVEL_0_TEXEL * (page.level as f32).exp2();
+            prop_assert!(taps.len() == 1 && taps[0] == texel || side >= 1.5 && taps.len() == 16);
+            for tap in &taps {
+                prop_assert!((*tap - texel).abs().max_element() <= 0.5 * side.max(1.0));
+                prop_assert!(tap.min_element() >= -3.5 && tap.max_element() <= 515.5);
+            }
+            if taps.len() > 1 && texel.min_element() > 0.5 * side && texel.max_element() < 512.0 - 0.5 * side {
+                let mean = taps.iter().sum::<Vec2>() / 16.0;
+                prop_assert!((mean - texel).length() < 1e-2, "{mean} {texel}");
+            }
+        }
+
         #[test]
         fn levels_blend_without_a_step(x in 0.5..0.75_f64, log_footprint in 0.0..12.0_f32) {
             // The texel sizes in effect, averaged by share, move little with the footprint.
