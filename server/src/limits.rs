@@ -11,6 +11,8 @@ pub struct Limits {
     pub maximum_width: u32,
     /// Largest HEIGHT of a map, pixels. Default: 4096.
     pub maximum_height: u32,
+    /// Most layers of one map (one named twice counts once). Default: 16.
+    pub maximum_layers: u32,
     /// Longest URL, bytes. Default: 8192.
     pub maximum_url_bytes: usize,
     /// Requests that may be under way at once; more are answered 503 with Retry-After. Default: 2048.
@@ -19,6 +21,13 @@ pub struct Limits {
     pub maximum_queue: usize,
     /// Longest time for one request, seconds. Default: 60.
     pub request_timeout_seconds: u64,
+    /// Connections that are open at once; more wait until one closes. Default: 4096.
+    pub maximum_connections: usize,
+    /// Longest time for a request's head to arrive, and for a connection to stay open between requests, seconds.
+    /// Default: 30.
+    pub header_timeout_seconds: u64,
+    /// Longest time for which a client may take nothing of its answer, seconds. Default: 60.
+    pub write_timeout_seconds: u64,
 }
 
 impl Default for Limits {
@@ -26,10 +35,14 @@ impl Default for Limits {
         Self {
             maximum_width: 4096,
             maximum_height: 4096,
+            maximum_layers: 16,
             maximum_url_bytes: 8192,
             maximum_requests: 2048,
             maximum_queue: 512,
             request_timeout_seconds: 60,
+            maximum_connections: 4096,
+            header_timeout_seconds: 30,
+            write_timeout_seconds: 60,
         }
     }
 }
@@ -40,10 +53,14 @@ impl Limits {
         let positive = [
             ("maximum_width", u64::from(self.maximum_width)),
             ("maximum_height", u64::from(self.maximum_height)),
+            ("maximum_layers", u64::from(self.maximum_layers)),
             ("maximum_url_bytes", self.maximum_url_bytes as u64),
             ("maximum_requests", self.maximum_requests as u64),
             ("maximum_queue", self.maximum_queue as u64),
             ("request_timeout_seconds", self.request_timeout_seconds),
+            ("maximum_connections", self.maximum_connections as u64),
+            ("header_timeout_seconds", self.header_timeout_seconds),
+            ("write_timeout_seconds", self.write_timeout_seconds),
         ];
         for (name, value) in positive {
             if value == 0 {

@@ -2,12 +2,14 @@
 
 use crate::cache::{DiskCache, TileCache, Workers};
 use crate::config::{Config, public_url};
+use crate::http::Modified;
 use crate::limits::Limits;
 use crate::metrics::Metrics;
 use crate::scene::Scene;
 use crate::user_error::UserError;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::time::SystemTime;
 
 /// The application's parts.
 pub struct App {
@@ -21,6 +23,8 @@ pub struct App {
     pub limits: Limits,
     /// How links start, without a slash at the end; `None`: as the request's headers say.
     pub public_url: Option<String>,
+    /// When the scene was opened.
+    pub modified: Modified,
     /// Set when the server begins to stop: not ready any more, while it drains.
     pub stopping: AtomicBool,
 }
@@ -61,6 +65,7 @@ impl App {
             metrics,
             limits: config.limits,
             public_url,
+            modified: Modified::at(SystemTime::now()),
             stopping: AtomicBool::new(false),
         }))
     }

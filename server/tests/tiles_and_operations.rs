@@ -84,7 +84,6 @@ async fn wrong_addresses_and_formats() {
             StatusCode::BAD_REQUEST,
             "TreelineGeographic only",
         ),
-        ("/tiles/elevation", StatusCode::NOT_FOUND, "nothing at /tiles/elevation"),
         ("/favicon.png", StatusCode::NOT_FOUND, "nothing at /favicon.png"),
     ] {
         let answer = get(&router, uri).await;

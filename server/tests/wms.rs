@@ -237,15 +237,24 @@ async fn every_wrong_parameter_is_named() {
             "LayerNotDefined",
             "did you mean &quot;elevation&quot;",
         ),
-        (swap("LAYERS=elevation", "LAYERS=elevation,texture"), "LayerNotDefined", "one layer a map"),
+        (swap("LAYERS=elevation", "LAYERS=elevation,"), "LayerNotDefined", "LAYERS names &quot;&quot;"),
+        (
+            map("1.3.0", good).replace("STYLES=&LAYERS=elevation", "STYLES=,,&LAYERS=elevation,texture"),
+            "StyleNotDefined",
+            "3 styles for 2 layers",
+        ),
+        (
+            swap("LAYERS=elevation", "LAYERS=elevation,texture").replace("image/png", "application/bil16"),
+            "InvalidFormat",
+            "several layers in one map come as image/png",
+        ),
         (swap("STYLES=&", ""), "", "x"),
         (
             swap("CRS=CRS:84", "STYLES=bright&CRS=CRS:84").replacen("STYLES=&", "", 1),
             "StyleNotDefined",
-            "STYLES is &quot;bright&quot;",
+            "the style &quot;bright&quot; is not defined",
         ),
         (swap("CRS=CRS:84&", ""), "", "CRS is missing"),
-        (swap("CRS=CRS:84", "SRS=EPSG:4326"), "", "CRS is missing: WMS 1.3.0 calls it so"),
         (swap("CRS=CRS:84", "CRS=EPSG:9999"), "InvalidCRS", "CRS is &quot;EPSG:9999&quot;"),
         (swap("BBOX=10,46,11,47&", ""), "", "BBOX is missing"),
         (swap("10,46,11,47", "10,46,11"), "", "BBOX holds 3 numbers"),
@@ -255,6 +264,8 @@ async fn every_wrong_parameter_is_named() {
         (swap("10,46,11,47", "10,46,inf,47"), "", "&quot;inf&quot; is no finite number"),
         (swap("10,46,11,47", "10,46,11,1e9"), "", "far beyond the Earth"),
         (swap("WIDTH=4", "WIDTH=0"), "", "WIDTH is &quot;0&quot;"),
+        (swap("WIDTH=4", "WIDTH=+4"), "", "WIDTH is &quot;+4&quot;"),
+        (swap("WIDTH=4", "WIDTH=%204"), "", "WIDTH is"),
         (swap("WIDTH=4", "WIDTH=-4"), "", "WIDTH is &quot;-4&quot;"),
         (swap("WIDTH=4", "WIDTH=4097"), "", "from 1 to 4096"),
         (swap("HEIGHT=4", "HEIGHT=99999999999"), "", "HEIGHT is"),
@@ -273,7 +284,8 @@ async fn every_wrong_parameter_is_named() {
         ("/wms".to_owned(), "", "REQUEST is missing"),
         ("/wms?REQUEST=GetTile".to_owned(), "OperationNotSupported", "REQUEST is &quot;GetTile&quot;"),
         ("/wms?SERVICE=WFS&REQUEST=GetCapabilities".to_owned(), "", "SERVICE is &quot;WFS&quot;"),
-        (map("1.2.0", good), "", "VERSION is &quot;1.2.0&quot;"),
+        (map("latest", good), "", "VERSION is &quot;latest&quot;"),
+        (swap("&FORMAT", "&EXCEPTIONS=JSON&FORMAT"), "", "EXCEPTIONS is &quot;JSON&quot;"),
         (map("1.3.0", &good.replace("image/png", "image/%ff")), "", "UTF-8"),
     ] {
         // An absent STYLES is forgiven; every other line of the table is refused.
@@ -416,6 +428,6 @@ async fn capabilities_of_both_versions() {
         text.contains("<BoundingBox CRS=\"EPSG:4326\" minx=\"46\" miny=\"10\" maxx=\"47\" maxy=\"11\"/>")
     );
     assert!(text.contains("<MaxWidth>4096</MaxWidth>"));
-    let current = get(&router, "/wms?SERVICE=WMS&REQUEST=GetCapabilities&UPDATESEQUENCE=r1").await;
-    assert!(current.text().contains("CurrentUpdateSequence"));
+    assert!(!text.contains("updateSequence") && !text.contains("ExtremeElevations"));
+    assert!(text.contains("<LayerLimit>16</LayerLimit>") && text.contains("<Format>INIMAGE</Format>"));
 }

@@ -35,7 +35,7 @@ struct Tool {
     present: fn() -> bool,
 }
 
-const TOOLS: [Tool; 3] = [
+const TOOLS: [Tool; 4] = [
     Tool {
         name: "Chromium",
         used_for: "the browser tests",
@@ -58,6 +58,12 @@ const TOOLS: [Tool; 3] = [
                     .iter()
                     .any(|folder| has_vulkan_loader(Path::new(folder)))
         },
+    },
+    Tool {
+        name: "xmllint",
+        used_for: "the check of WMS documents against their schemas",
+        packages: &["libxml2-utils"],
+        present: || process::exists("xmllint"),
     },
     Tool {
         name: "GDAL for Python",

@@ -2,12 +2,14 @@
 
 use crate::cache::{MakeError, Maker, TileKey};
 use crate::digest::Digest;
+use crate::http::middleware::is_compressible_type;
 use crate::http::order::Order;
 use crate::state::App;
 use axum::body::{Body, Bytes};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use std::sync::Arc;
+use std::time::SystemTime;
 
 /// For URLs that carry the data version: their answer never changes.
 const IMMUTABLE: &str = "public, max-age=31536000, immutable";
@@ -38,10 +40,16 @@ pub fn status_of(error: &MakeError) -> StatusCode {
 }
 
 /// A document that is asked again each time, and not sent again where the client has it.
-pub fn document(content_type: &'static str, body: impl Into<Bytes>, headers: &HeaderMap) -> Response {
+pub fn document(
+    app: &App,
+    content_type: &'static str,
+    body: impl Into<Bytes>,
+    headers: &HeaderMap,
+) -> Response {
     let body = body.into();
     let tag = format!("W/\"{}\"", Digest::new().bytes(&body).short_hex());
-    tagged(&tag, ASK_AGAIN, headers).unwrap_or_else(|| with_tag(content_type, &tag, ASK_AGAIN, body))
+    let version = Version { tag, modified: &app.modified, cache_control: ASK_AGAIN, content_type };
+    version.unchanged(headers).unwrap_or_else(|| version.answer(body))
 }
 
 /// Answers with a tile.
@@ -78,29 +86,88 @@ pub async fn made(
         Some(_) => ASK_AGAIN,
         None => FOR_MINUTES,
     };
-    if let Some(unchanged) = tagged(&tag, cache_control, headers) {
+    let version = Version { tag, modified: &app.modified, cache_control, content_type };
+    if let Some(unchanged) = version.unchanged(headers) {
         return Ok(unchanged);
     }
     let bytes = app.cache.get(key, maker).await?;
-    Ok(with_tag(content_type, &tag, cache_control, bytes))
+    Ok(version.answer(bytes))
 }
 
-/// 304 where the client's copy has the tag.
-fn tagged(tag: &str, cache_control: &'static str, headers: &HeaderMap) -> Option<Response> {
-    let known = headers.get_all(header::IF_NONE_MATCH).iter().filter_map(|value| value.to_str().ok());
-    let bare = tag.trim_start_matches("W/");
-    let matches = known
-        .flat_map(|list| list.split(','))
-        .map(|known| known.trim().trim_start_matches("W/"))
-        .any(|known| known == "*" || known == bare);
-    matches.then(|| {
-        let headers = [(header::ETAG, tag), (header::CACHE_CONTROL, cache_control)];
-        (StatusCode::NOT_MODIFIED, headers).into_response()
-    })
+/// What tells one version of an answer from another (RFC 9110, 8.8).
+struct Version<'a> {
+    /// The entity tag.
+    tag: String,
+    /// When the data was opened: nothing of it is younger.
+    modified: &'a Modified,
+    cache_control: &'static str,
+    content_type: &'static str,
 }
 
-fn with_tag(content_type: &'static str, tag: &str, cache_control: &'static str, body: Bytes) -> Response {
-    let headers =
-        [(header::CONTENT_TYPE, content_type), (header::ETAG, tag), (header::CACHE_CONTROL, cache_control)];
-    (headers, Body::from(body)).into_response()
+impl Version<'_> {
+    /// 304 where the client's copy is this version.
+    fn unchanged(&self, headers: &HeaderMap) -> Option<Response> {
+        if !self.is_known(headers) {
+            return None;
+        }
+        let mut response = StatusCode::NOT_MODIFIED.into_response();
+        self.describe(&mut response);
+        Some(response)
+    }
+
+    /// Whether the client's copy has the tag, or, where it names none, is no older (RFC 9110, 13.2.2).
+    fn is_known(&self, headers: &HeaderMap) -> bool {
+        if headers.contains_key(header::IF_NONE_MATCH) {
+            let known = headers.get_all(header::IF_NONE_MATCH).iter().filter_map(|value| value.to_str().ok());
+            let bare = self.tag.trim_start_matches("W/");
+            return known
+                .flat_map(|list| list.split(','))
+                .map(|known| known.trim().trim_start_matches("W/"))
+                .any(|known| known == "*" || known == bare);
+        }
+        headers
+            .get(header::IF_MODIFIED_SINCE)
+            .and_then(|value| httpdate::parse_http_date(value.to_str().ok()?).ok())
+            .is_some_and(|since| since >= self.modified.time)
+    }
+
+    fn answer(&self, body: Bytes) -> Response {
+        let mut response = Body::from(body).into_response();
+        response.headers_mut().insert(header::CONTENT_TYPE, HeaderValue::from_static(self.content_type));
+        self.describe(&mut response);
+        response
+    }
+
+    /// What answers with and without a body say of the version.
+    fn describe(&self, response: &mut Response) {
+        let headers = response.headers_mut();
+        // A tag is quotes and hexadecimal digits.
+        if let Ok(tag) = HeaderValue::from_str(&self.tag) {
+            headers.insert(header::ETAG, tag);
+        }
+        headers.insert(header::LAST_MODIFIED, self.modified.header.clone());
+        headers.insert(header::CACHE_CONTROL, HeaderValue::from_static(self.cache_control));
+        if is_compressible_type(self.content_type) {
+            headers.insert(header::VARY, HeaderValue::from_static("accept-encoding"));
+        }
+    }
+}
+
+/// When data was opened, as HTTP writes it.
+#[derive(Clone, Debug)]
+pub struct Modified {
+    /// In whole seconds.
+    time: SystemTime,
+    header: HeaderValue,
+}
+
+impl Modified {
+    /// At a time.
+    pub fn at(time: SystemTime) -> Self {
+        let text = httpdate::fmt_http_date(time);
+        let time = httpdate::parse_http_date(&text).unwrap_or(time);
+        // A date is printable.
+        let header = HeaderValue::from_str(&text).unwrap_or(HeaderValue::from_static(""));
+        Self { time, header }
+    }
 }

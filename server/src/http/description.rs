@@ -16,7 +16,7 @@ pub async fn scene_json(State(app): State<AppState>, headers: HeaderMap) -> Resp
     let base = base_url(app.public_url.as_deref(), &headers);
     let description = describe(&app.scene, &base);
     match serde_json::to_vec(&description) {
-        Ok(body) => answer::document("application/json", body, &headers),
+        Ok(body) => answer::document(&app, "application/json", body, &headers),
         Err(error) => answer::refusal(
             axum::http::StatusCode::INTERNAL_SERVER_ERROR,
             format!("the scene's description cannot be written: {error}"),

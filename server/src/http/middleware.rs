@@ -69,6 +69,11 @@ pub fn is_compressible(_: StatusCode, _: Version, headers: &HeaderMap, _: &axum:
         .get(header::CONTENT_LENGTH)
         .and_then(|value| value.to_str().ok()?.parse::<u64>().ok())
         .is_some_and(|length| length < 256);
+    !small && is_compressible_type(kind)
+}
+
+/// Whether bodies of a media type are compressed where the client can read that.
+pub fn is_compressible_type(kind: &str) -> bool {
     let kinds = [
         "application/vnd.treeline.",
         "application/bil",
@@ -77,5 +82,5 @@ pub fn is_compressible(_: StatusCode, _: Version, headers: &HeaderMap, _: &axum:
         "text/",
         "application/vnd.ogc.",
     ];
-    !small && kinds.iter().any(|prefix| kind.starts_with(prefix))
+    kinds.iter().any(|prefix| kind.starts_with(prefix))
 }

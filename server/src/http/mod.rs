@@ -5,22 +5,27 @@ mod base_url;
 mod description;
 mod layers;
 mod make;
+mod matrix_set;
 mod middleware;
 mod operations;
 mod order;
 mod page;
 mod query;
 mod serve;
+mod tile_metadata;
 mod tiles;
 mod trees;
 mod wms;
+mod wmts;
+mod world_wind;
 
+pub use answer::Modified;
 pub use description::describe;
 pub use layers::{extent, has_layer, layer_names, layers, maximum_level, minimum_level};
 pub use make::make;
+pub use matrix_set::OWN_MATRIX_SET;
 pub use order::{Order, geographic_grid};
 pub use serve::serve;
-pub use tiles::OWN_MATRIX_SET;
 
 use crate::state::AppState;
 use axum::Router;
@@ -44,7 +49,17 @@ pub fn router(state: AppState) -> Router {
     Router::new()
         .route("/", get(page::page))
         .route("/wms", get(wms::wms))
+        .route("/world-wind", get(world_wind::world_wind))
+        .route("/wmts", get(wmts::key_value_pairs))
+        .route("/wmts/1.0.0/WMTSCapabilities.xml", get(wmts::rest_capabilities))
+        .route("/wmts/1.0.0/{layer}/{style}/{set}/{level}/{row}/{column}", get(wmts::rest_tile))
+        .route("/tiles", get(tile_metadata::all))
+        .route("/tiles/{layer}", get(tile_metadata::of_layer))
+        .route("/tiles/{layer}/{set}", get(tile_metadata::of_set))
         .route("/tiles/{layer}/{set}/{level}/{row}/{column}", get(tiles::tile))
+        .route("/tileMatrixSets", get(tile_metadata::matrix_sets))
+        .route("/tileMatrixSets/{id}", get(tile_metadata::matrix_set_by_id))
+        .route("/conformance", get(tile_metadata::conformance))
         .route("/trees/{code}", get(trees::trees))
         .route("/scene.json", get(description::scene_json))
         .route("/healthz", get(operations::healthz))

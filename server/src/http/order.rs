@@ -1,7 +1,7 @@
 //! What a map request comes down to, in one canonical spelling: the cache's key.
 
 use crate::cache::TileKey;
-use crate::recipe::{Format, TileRequest};
+use crate::recipe::{Drawn, Format, TileRequest};
 use crate::source::{RequestCrs, SampleGrid};
 use std::fmt::Write as _;
 use treeline_core::grid::{LatticeWindow, Registration};
@@ -26,13 +26,19 @@ impl Order {
         self
     }
 
+    /// Sets the layers that are drawn over this one, the lowest first.
+    #[must_use]
+    pub fn above(mut self, above: Vec<Drawn>) -> Self {
+        self.0.above = above;
+        self
+    }
+
     /// Sets what pixels without data look like in pictures.
     #[must_use]
     pub fn gaps(mut self, transparent: bool, background: [u8; 3]) -> Self {
         let request = &mut self.0;
         request.transparent = transparent && matches!(request.format, Format::Png | Format::WebP);
-        let is_opaque_picture =
-            matches!(request.format, Format::Png | Format::WebP | Format::Jpeg) && !request.transparent;
+        let is_opaque_picture = request.format.is_picture() && !request.transparent;
         request.background = if is_opaque_picture { background } else { [255; 3] };
         self
     }
@@ -60,7 +66,12 @@ impl Order {
     /// The key: everything that changes the bytes.
     pub fn key(&self) -> TileKey {
         let request = &self.0;
-        let mut text = format!("{}|", request.layer.name());
+        let mut text = request.layer.name().to_owned();
+        for above in &request.above {
+            text += if above.filled { "+filled-" } else { "+" };
+            text += above.layer.name();
+        }
+        text += "|";
         // Writing to a String cannot fail.
         let _ = match &request.grid {
             SampleGrid::Lattice(window) => write!(

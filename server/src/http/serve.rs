@@ -1,15 +1,31 @@
 //! Accepting connections until told to stop.
 
 use super::router;
+use crate::limits::Limits;
 use crate::state::AppState;
+use axum::body::Body;
+use axum::extract::Request;
+use hyper::body::Incoming;
+use hyper::server::conn::http1;
+use hyper_util::rt::{TokioIo, TokioTimer};
+use hyper_util::server::graceful::GracefulShutdown;
+use hyper_util::service::TowerToHyperService;
 use std::future::Future;
 use std::io;
+use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::Duration;
-use tokio::net::TcpListener;
+use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio_io_timeout::TimeoutStream;
+use tower::ServiceExt as _;
 
 /// Longest time that connections get to finish once the server stops.
 const DRAIN: Duration = Duration::from_secs(20);
+/// What a connection keeps of requests that are not answered yet, bytes: more than any head that is read.
+const READ_BUFFER: usize = 64 << 10;
+/// Rest after the system had no connection to give (no file handles left, say).
+const ACCEPT_REST: Duration = Duration::from_millis(50);
 
 /// Serves on the listener until `shutdown` completes, then answers what has begun and returns;
 /// connections that are not done after 20 seconds are cut.
@@ -18,26 +34,70 @@ pub async fn serve(
     state: AppState,
     shutdown: impl Future<Output = ()> + Send + 'static,
 ) -> io::Result<()> {
-    let (stop, stopped) = tokio::sync::oneshot::channel();
-    let stopping = state.clone();
-    let until = async move {
-        shutdown.await;
-        stopping.stopping.store(true, Relaxed);
-        let _ = stop.send(());
-    };
-    let server = axum::serve(listener, router(state)).with_graceful_shutdown(until);
-    let too_long = async {
-        // An error means that the server ended by itself; then there is nothing to cut.
-        if stopped.await.is_err() {
-            std::future::pending::<()>().await;
+    let limits = state.limits;
+    let router = router(state.clone());
+    let connections = Arc::new(Semaphore::new(limits.maximum_connections.min(Semaphore::MAX_PERMITS)));
+    let graceful = GracefulShutdown::new();
+    let builder = builder(&limits);
+    let mut shutdown = std::pin::pin!(shutdown);
+    loop {
+        let next = tokio::select! {
+            next = accept(&listener, &connections) => next,
+            () = &mut shutdown => break,
+        };
+        let Some((stream, place)) = next else {
+            tokio::time::sleep(ACCEPT_REST).await;
+            continue;
+        };
+        // Answers go out whole; waiting for more to send with them only delays the next.
+        if let Err(error) = stream.set_nodelay(true) {
+            tracing::debug!("a connection was gone before it was served ({error})");
+            continue;
         }
-        tokio::time::sleep(DRAIN).await;
-    };
-    tokio::select! {
-        result = server => result,
-        () = too_long => {
-            tracing::warn!("some connections were not done after {} seconds and were cut", DRAIN.as_secs());
-            Ok(())
+        let mut stream = Box::pin(TimeoutStream::new(stream));
+        stream.as_mut().set_write_timeout_pinned(Some(Duration::from_secs(limits.write_timeout_seconds)));
+        let service = router.clone().map_request(|request: Request<Incoming>| request.map(Body::new));
+        let connection = builder.serve_connection(TokioIo::new(stream), TowerToHyperService::new(service));
+        let connection = graceful.watch(connection);
+        tokio::spawn(async move {
+            // A client that goes away or dawdles is no news.
+            if let Err(error) = connection.await {
+                tracing::debug!("a connection ended early ({error})");
+            }
+            drop(place);
+        });
+    }
+    state.stopping.store(true, Relaxed);
+    drop(listener);
+    if tokio::time::timeout(DRAIN, graceful.shutdown()).await.is_err() {
+        tracing::warn!("some connections were not done after {} seconds and were cut", DRAIN.as_secs());
+    }
+    Ok(())
+}
+
+/// How connections are spoken with: HTTP/1.1, kept alive, pipelined.
+fn builder(limits: &Limits) -> http1::Builder {
+    let mut builder = http1::Builder::new();
+    builder
+        .timer(TokioTimer::new())
+        .header_read_timeout(Duration::from_secs(limits.header_timeout_seconds))
+        .max_buf_size(READ_BUFFER)
+        .pipeline_flush(true);
+    builder
+}
+
+/// The next connection, once there is a place for it; `None` where the system has none to give.
+async fn accept(
+    listener: &TcpListener,
+    connections: &Arc<Semaphore>,
+) -> Option<(TcpStream, OwnedSemaphorePermit)> {
+    // Until then clients wait in the system's queue. Nobody closes the semaphore.
+    let place = connections.clone().acquire_owned().await.ok()?;
+    match listener.accept().await {
+        Ok((stream, _)) => Some((stream, place)),
+        Err(error) => {
+            tracing::warn!("a connection could not be accepted ({error})");
+            None
         }
     }
 }

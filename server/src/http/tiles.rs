@@ -2,88 +2,16 @@
 
 use crate::http::answer::{self, refusal, status_of};
 use crate::http::layers::{has_layer, layer_names};
-use crate::http::order::{Order, geographic_grid};
+use crate::http::matrix_set::{MATRIX_SETS, MatrixSet, OWN_MATRIX_SET};
+use crate::http::order::Order;
 use crate::http::query::Parameters;
 use crate::recipe::Format;
-use crate::source::{RequestCrs, SampleGrid};
 use crate::state::AppState;
 use crate::user_error::suggestion;
 use axum::extract::{Path, RawQuery, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::Response;
-use treeline_core::geodesy::{EQUATOR_METRES, web_mercator_from_geographic};
-use treeline_core::grid::{LatticeWindow, Registration};
 use treeline_core::layer::{Layer, LayerRow};
-use treeline_core::tile::{GeographicBox, MAXIMUM_LEVEL, TileAddress, columns, rows};
-
-/// Id of our own tile matrix set: the canonical quadtree with 512-sample tiles.
-pub const OWN_MATRIX_SET: &str = "TreelineGeographic";
-/// Samples along the side of a tile of the standard sets.
-const STANDARD_SIDE: u32 = 256;
-/// Deepest level of the standard sets: 0.3 mm at the equator.
-const STANDARD_LEVELS: u8 = 28;
-
-/// A tile matrix set.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum MatrixSet {
-    Own,
-    WorldCrs84Quad,
-    WebMercatorQuad,
-}
-
-const MATRIX_SETS: [(&str, MatrixSet); 3] = [
-    (OWN_MATRIX_SET, MatrixSet::Own),
-    ("WorldCRS84Quad", MatrixSet::WorldCrs84Quad),
-    ("WebMercatorQuad", MatrixSet::WebMercatorQuad),
-];
-
-impl MatrixSet {
-    /// Number of levels, and rows and columns of a level.
-    fn size(self, level: u8) -> Option<(u32, u32)> {
-        match self {
-            Self::Own => (level <= MAXIMUM_LEVEL).then(|| (rows(level), columns(level))),
-            _ if level > STANDARD_LEVELS => None,
-            Self::WorldCrs84Quad => Some((1 << level, 2 << level)),
-            Self::WebMercatorQuad => Some((1 << level, 1 << level)),
-        }
-    }
-
-    fn grid(self, row_of_layer: &LayerRow, format: Format, level: u8, row: u32, column: u32) -> SampleGrid {
-        match self {
-            Self::Own => {
-                let address = TileAddress { level, row, column };
-                let (registration, border) = if format == Format::Own {
-                    (row_of_layer.registration, row_of_layer.border)
-                } else {
-                    (Registration::Cell, 0)
-                };
-                SampleGrid::Lattice(LatticeWindow::of_tile(address, registration, border))
-            }
-            Self::WorldCrs84Quad => {
-                let span = 180.0 / f64::from(1_u32 << level);
-                let west = -180.0 + span * f64::from(column);
-                let north = 90.0 - span * f64::from(row);
-                let bounds = GeographicBox { west, south: north - span, east: west + span, north };
-                geographic_grid(row_of_layer.layer, &bounds, STANDARD_SIDE, STANDARD_SIDE)
-            }
-            Self::WebMercatorQuad => {
-                let span = EQUATOR_METRES / f64::from(1_u32 << level);
-                let (edge, _) = web_mercator_from_geographic(180.0, 0.0);
-                let west = -edge + span * f64::from(column);
-                let north = edge - span * f64::from(row);
-                SampleGrid::Box {
-                    crs: RequestCrs::WebMercator,
-                    west,
-                    south: north - span,
-                    east: west + span,
-                    north,
-                    width: STANDARD_SIDE,
-                    height: STANDARD_SIDE,
-                }
-            }
-        }
-    }
-}
 
 /// Answers a tile's address.
 pub async fn tile(
@@ -96,7 +24,8 @@ pub async fn tile(
         Ok(parameters) => parameters,
         Err(line) => return refusal(StatusCode::BAD_REQUEST, line),
     };
-    let order = match order(&app, [&layer, &set, &level, &row, &column], &parameters, &headers) {
+    let address = [&*layer, &*set, &*level, &*row, &*column];
+    let order = match order(&app, address, parameters.get("F"), &headers) {
         Ok(order) => order,
         Err((status, line)) => return refusal(status, line),
     };
@@ -109,10 +38,11 @@ pub async fn tile(
     response
 }
 
-fn order(
+/// What a tile's address comes down to: layer, matrix set, level, row, column; `f` is the format, else Accept says it.
+pub fn order(
     app: &AppState,
     [layer, set, level, row, column]: [&str; 5],
-    parameters: &Parameters,
+    f: Option<&str>,
     headers: &HeaderMap,
 ) -> Result<Order, (StatusCode, String)> {
     let missing = |line: String| (StatusCode::NOT_FOUND, line);
@@ -122,7 +52,7 @@ fn order(
         missing(format!("no layer \"{layer}\"; this scene has {}{near}", names.join(", ")))
     })?;
     let names = MATRIX_SETS.map(|(name, _)| name);
-    let set = MATRIX_SETS.iter().find(|(name, _)| *name == set).map(|(_, set)| *set).ok_or_else(|| {
+    let set = MatrixSet::from_id(set).ok_or_else(|| {
         let near = suggestion(set, names);
         missing(format!("no tile matrix set \"{set}\"; there are {}{near}", names.join(", ")))
     })?;
@@ -145,7 +75,7 @@ fn order(
             columns - 1
         )));
     }
-    let format = format(layer.row(), parameters.get("F"), headers)?;
+    let format = format(layer.row(), f, headers)?;
     if format == Format::Own && set != MatrixSet::Own {
         return Err((
             StatusCode::BAD_REQUEST,
@@ -156,7 +86,7 @@ fn order(
 }
 
 /// Short names for `?f=`; full media types are understood as well.
-fn short_name(format: Format) -> &'static str {
+pub fn short_name(format: Format) -> &'static str {
     match format {
         Format::Png => "png",
         Format::Jpeg => "jpeg",
@@ -254,29 +184,5 @@ mod tests {
         assert_eq!(of("image/x-bil;bits=32"), Some(Format::XBil32));
         assert_eq!(of("treeline"), Some(Format::Own));
         assert_eq!(of("webp"), None);
-    }
-
-    #[test]
-    fn the_standard_set_shares_the_lattice() {
-        // A 256-sample tile of level z is a quarter of our tile of level z − 1.
-        let grid = MatrixSet::WorldCrs84Quad.grid(Layer::Texture.row(), Format::Png, 12, 1000, 2000);
-        let SampleGrid::Lattice(window) = grid else { panic!("{grid:?}") };
-        assert_eq!(
-            (window.level, window.width, window.first_row, window.first_column),
-            (11, 256, 256_000, 512_000)
-        );
-    }
-
-    #[test]
-    fn web_mercator_tiles_tile_the_square() {
-        let SampleGrid::Box { west, south, east, north, .. } =
-            MatrixSet::WebMercatorQuad.grid(Layer::Texture.row(), Format::Png, 1, 1, 1)
-        else {
-            panic!()
-        };
-        assert!(west.abs() < 1e-6 && north.abs() < 1e-6);
-        assert!(
-            (east - 20_037_508.342_789_244).abs() < 1e-6 && (south + 20_037_508.342_789_244).abs() < 1e-6
-        );
     }
 }

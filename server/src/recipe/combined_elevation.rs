@@ -28,12 +28,16 @@ const CANOPY_CLOSURE: u32 = 64;
 pub fn make(scene: &Scene, request: &TileRequest) -> Result<Vec<u8>, RecipeError> {
     match request.format {
         Format::Own => Ok(tile(scene, &own::tile_window(request)?)?.encode()),
-        Format::Png => shaded_relief::make(request, |grid| {
-            let combined = Combined::sample(scene, grid)?;
-            Ok((combined.heights, combined.types))
-        }),
         _ => encode::heights(request, &heights(scene, &request.grid)?),
     }
+}
+
+/// The map as a picture: shaded relief, crowns green.
+pub fn pixels(scene: &Scene, grid: &SampleGrid) -> Result<Vec<[u8; 4]>, RecipeError> {
+    shaded_relief::pixels(grid, |grid| {
+        let combined = Combined::sample(scene, grid)?;
+        Ok((combined.heights, combined.types))
+    })
 }
 
 /// The combined map's heights alone, metres, NaN for no data: the [`Combined::heights`] of a grid.

@@ -1,7 +1,7 @@
 //! Bare terrain.
 
 use super::encode::{self, own};
-use super::{Format, RecipeError, TileRequest, shaded_relief};
+use super::{Format, RecipeError, TileRequest};
 use crate::scene::Scene;
 use crate::source::SampleGrid;
 use treeline_core::codec::elevation::{ElevationTile, MAXIMA_BLOCK_CELLS};
@@ -20,7 +20,6 @@ pub fn make(scene: &Scene, request: &TileRequest) -> Result<Vec<u8>, RecipeError
             let maxima = scene.height.maxima(&tile_box(&window), BLOCKS, BLOCKS)?;
             Ok(own::elevation_tile(&window, &heights, &maxima, None).encode())
         }
-        Format::Png => shaded_relief::make(request, |grid| Ok((sample(scene, grid)?, None))),
         _ => encode::heights(request, &sample(scene, &request.grid)?),
     }
 }

@@ -28,6 +28,11 @@ impl Format {
     pub const ALL: [Self; 8] =
         [Self::Bil16, Self::Bil32, Self::XBil32, Self::GeoTiff, Self::Own, Self::Png, Self::Jpeg, Self::WebP];
 
+    /// Whether it is to look at.
+    pub fn is_picture(self) -> bool {
+        matches!(self, Self::Png | Self::Jpeg | Self::WebP)
+    }
+
     /// The media type by which the format is asked for on a layer.
     pub fn media_type(self, layer: Layer) -> &'static str {
         match self {

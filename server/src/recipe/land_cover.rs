@@ -1,11 +1,11 @@
 //! Land-cover classes: packed by level in the own format, as colours in PNG.
 
 use super::canopy::Anchors;
-use super::encode::{self, own};
+use super::encode::own;
 use super::levels::{code_bits, land_cover_levels};
 use super::relief_colours;
 use super::stands::cover_of_cells;
-use super::{Format, RecipeError, TileRequest};
+use super::{RecipeError, TileRequest};
 use crate::scene::Scene;
 use crate::source::{Cover, SampleGrid};
 use treeline_core::codec::land_cover::{CodeBits, LandCoverTile, Stands, Step};
@@ -15,13 +15,19 @@ use treeline_core::scene::LandCoverLevels;
 use treeline_core::seeds::Window;
 use treeline_core::seeds::place::UNIT_LEVEL;
 
-/// The tile in the format asked for.
+/// The tile in Treeline's own format.
 pub fn make(scene: &Scene, request: &TileRequest) -> Result<Vec<u8>, RecipeError> {
-    let levels = land_cover_levels(scene).ok_or(RecipeError::NoLayer { layer: Layer::Lcc.name() })?;
-    if request.format == Format::Own {
-        return Ok(tile(scene, &levels, &own::tile_window(request)?)?.encode());
-    }
-    let covers = match &request.grid {
+    Ok(tile(scene, &levels(scene)?, &own::tile_window(request)?)?.encode())
+}
+
+fn levels(scene: &Scene) -> Result<LandCoverLevels, RecipeError> {
+    land_cover_levels(scene).ok_or(RecipeError::NoLayer { layer: Layer::Lcc.name() })
+}
+
+/// The classes' colours, RGBA; nothing where nothing is known.
+pub fn pixels(scene: &Scene, grid: &SampleGrid) -> Result<Vec<[u8; 4]>, RecipeError> {
+    let levels = levels(scene)?;
+    let covers = match grid {
         SampleGrid::Lattice(window) if window.registration == Registration::Cell => {
             cover_of_cells(scene, &levels, window)?
         }
@@ -33,8 +39,7 @@ pub fn make(scene: &Scene, request: &TileRequest) -> Result<Vec<u8>, RecipeError
             covers
         }
     };
-    let pixels = covers.iter().map(|&cover| class_colour(scene, cover)).collect();
-    encode::picture(request, pixels)
+    Ok(covers.iter().map(|&cover| class_colour(scene, cover)).collect())
 }
 
 /// A decoded tile: what [`make`] packs as [`Format::Own`].

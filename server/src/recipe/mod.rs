@@ -10,7 +10,10 @@ mod encode;
 mod format;
 mod grid_places;
 pub mod land_cover;
+pub mod legend;
+pub mod lettering;
 pub mod levels;
+mod picture;
 mod point;
 mod relief_colours;
 mod shaded_relief;
@@ -22,6 +25,7 @@ mod test_fields;
 #[cfg(test)]
 mod tests;
 
+pub use encode::picture as encode_pixels;
 pub use format::Format;
 pub use levels::{anchor_level, land_cover_levels, scene_species, tallest_tree_metres};
 pub use point::{PointInfo, point};
@@ -30,6 +34,15 @@ use crate::scene::Scene;
 use crate::source::{SampleGrid, SourceError};
 use treeline_core::codec::land_cover::ClassOverflow;
 use treeline_core::layer::Layer;
+
+/// A layer, as a picture shows it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Drawn {
+    /// The layer.
+    pub layer: Layer,
+    /// Texture: the relief's colours where the photo has nothing.
+    pub filled: bool,
+}
 
 /// What is wanted: a layer's samples on a grid, as bytes of a format.
 #[derive(Clone, Debug, PartialEq)]
@@ -42,6 +55,8 @@ pub struct TileRequest {
     pub format: Format,
     /// Texture: the relief's colours where the photo has nothing.
     pub filled: bool,
+    /// Pictures: layers that are drawn over this one, the lowest first.
+    pub above: Vec<Drawn>,
     /// PNG and WebP: pixels without data are transparent.
     pub transparent: bool,
     /// Colour of pixels without data where they are not transparent.
@@ -53,7 +68,21 @@ pub struct TileRequest {
 impl TileRequest {
     /// A request with the defaults of WMS: white background, not transparent, 0 for no data.
     pub fn new(layer: Layer, grid: SampleGrid, format: Format) -> Self {
-        Self { layer, grid, format, filled: false, transparent: false, background: [255; 3], nodata: 0.0 }
+        Self {
+            layer,
+            grid,
+            format,
+            filled: false,
+            above: Vec::new(),
+            transparent: false,
+            background: [255; 3],
+            nodata: 0.0,
+        }
+    }
+
+    /// Its layers, the lowest first.
+    pub fn layers(&self) -> impl Iterator<Item = Layer> + '_ {
+        std::iter::once(self.layer).chain(self.above.iter().map(|drawn| drawn.layer))
     }
 }
 
@@ -120,7 +149,10 @@ impl RecipeError {
 /// Makes the bytes of a request.
 pub fn make(scene: &Scene, request: &TileRequest) -> Result<Vec<u8>, RecipeError> {
     let row = request.layer.row();
-    if !request.format.serves(request.layer) {
+    if request.format.is_picture() && request.layers().any(|layer| request.format.serves(layer)) {
+        return picture::make(scene, request);
+    }
+    if !request.format.serves(request.layer) || !request.above.is_empty() {
         return Err(RecipeError::Format {
             layer: row.name,
             format: request.format.media_type(request.layer),
@@ -131,6 +163,7 @@ pub fn make(scene: &Scene, request: &TileRequest) -> Result<Vec<u8>, RecipeError
         Layer::Elevation => elevation::make(scene, request),
         Layer::CombinedElevation => combined_elevation::make(scene, request),
         Layer::Lcc => land_cover::make(scene, request),
-        Layer::Texture => texture::make(scene, request),
+        // All of its formats are pictures.
+        Layer::Texture => picture::make(scene, request),
     }
 }

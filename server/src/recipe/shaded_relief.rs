@@ -1,9 +1,8 @@
 //! A map to look at: heights as tints under light from the north-west.
 
-use super::encode;
+use super::RecipeError;
 use super::grid_places::{spacing, with_margin};
 use super::relief_colours::{ground, mix, smooth_step};
-use super::{RecipeError, TileRequest};
 use crate::source::SampleGrid;
 use treeline_core::layer::SurfaceType;
 
@@ -13,7 +12,7 @@ const LIGHTS: [(f32, f32); 4] = [(315.0, 0.52), (270.0, 0.18), (0.0, 0.2), (225.
 /// Tangent of the lights' height over the horizon (45°).
 const LIGHT_RISE: f32 = 1.0;
 /// Tint of crowns, and how much of their flanks' slope shows: as steep as they are, all would be dark.
-const CANOPY: [f32; 3] = [84.0, 122.0, 80.0];
+pub(super) const CANOPY: [f32; 3] = [84.0, 122.0, 80.0];
 const CANOPY_STEEPNESS: f32 = 0.25;
 /// Colours of full shadow and full light are mixed in this far.
 const SHADOW: [f32; 3] = [38.0, 46.0, 70.0];
@@ -22,21 +21,21 @@ const HIGHLIGHT: [f32; 3] = [255.0, 250.0, 236.0];
 /// Heights on a grid, and where they are known the surface types.
 pub type Sampled = (Vec<f32>, Option<Vec<u8>>);
 
-/// The map of what `sample` gives for a grid.
-pub fn make(
-    request: &TileRequest,
+/// The map of what `sample` gives for a grid: RGBA with straight alpha.
+pub fn pixels(
+    grid: &SampleGrid,
     sample: impl Fn(&SampleGrid) -> Result<Sampled, RecipeError>,
-) -> Result<Vec<u8>, RecipeError> {
-    let (heights, types) = sample(&with_margin(&request.grid, 1))?;
+) -> Result<Vec<[u8; 4]>, RecipeError> {
+    let (heights, types) = sample(&with_margin(grid, 1))?;
     // From afar slopes average out: what is left of them is steepened, or mountains look flat.
-    let apart = spacing(&request.grid).first().map_or(1.0, |step| step.1);
+    let apart = spacing(grid).first().map_or(1.0, |step| step.1);
     let steepen = (apart / 40.0).powf(0.3).clamp(1.0, 4.0);
     let lights = LIGHTS.map(|(azimuth, share)| {
         let (sine, cosine) = azimuth.to_radians().sin_cos();
         (sine, cosine, share)
     });
-    let width = request.grid.size().0 as usize;
-    let pixels = slopes(&request.grid, &heights)
+    let width = grid.size().0 as usize;
+    Ok(slopes(grid, &heights)
         .enumerate()
         .map(|(index, sample)| {
             let Some((height, east, north)) = sample else { return [0; 4] };
@@ -49,8 +48,7 @@ pub fn make(
             };
             shaded(tint, steepen * east, steepen * north, &lights)
         })
-        .collect();
-    encode::picture(request, pixels)
+        .collect())
 }
 
 /// For each sample of a grid whose heights are given with a margin of one: height, and rise over

@@ -1,19 +1,14 @@
 //! The photo; where there is none, the ground's colours, unlit (the client lights them).
 
-use super::encode;
 use super::grid_places::with_margin;
 use super::levels::land_cover_levels;
+use super::picture::over;
 use super::relief_colours::ground;
 use super::stands::cover_of_cells;
-use super::{RecipeError, TileRequest, elevation, shaded_relief};
+use super::{RecipeError, elevation, shaded_relief};
 use crate::scene::Scene;
 use crate::source::{Cover, SampleGrid};
 use treeline_core::grid::Registration;
-
-/// The tile in the format asked for.
-pub fn make(scene: &Scene, request: &TileRequest) -> Result<Vec<u8>, RecipeError> {
-    encode::picture(request, pixels(scene, &request.grid, request.filled)?)
-}
 
 /// RGBA of a grid, straight alpha: the photo, and where it has nothing and `filled` is wanted, or where
 /// the scene has no photo at all, the colours of the ground.
@@ -27,8 +22,8 @@ pub fn pixels(scene: &Scene, grid: &SampleGrid, filled: bool) -> Result<Vec<[u8;
     }
     let below = ground_colours(scene, grid)?;
     for (pixel, ground) in pixels.iter_mut().zip(below) {
-        if let Some(ground) = ground {
-            *pixel = over(*pixel, ground);
+        if let Some([red, green, blue]) = ground {
+            *pixel = over(*pixel, [red, green, blue, 255]);
         }
     }
     Ok(pixels)
@@ -63,13 +58,4 @@ fn covers(scene: &Scene, grid: &SampleGrid) -> Result<Option<Vec<Cover>>, Recipe
             Ok(Some(covers))
         }
     }
-}
-
-/// A pixel with straight alpha over an opaque colour.
-fn over([red, green, blue, alpha]: [u8; 4], below: [u8; 3]) -> [u8; 4] {
-    let alpha = u32::from(alpha);
-    let blend = |above: u8, below: u8| {
-        ((u32::from(above) * alpha + u32::from(below) * (255 - alpha) + 127) / 255) as u8
-    };
-    [blend(red, below[0]), blend(green, below[1]), blend(blue, below[2]), 255]
 }

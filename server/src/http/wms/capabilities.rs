@@ -1,17 +1,18 @@
 //! GetCapabilities.
 
-use super::exception::ServiceException;
 use super::feature_info;
 use super::reference_system::own_systems;
+use super::report::Report;
 use super::version::Version;
 use super::xml::escape;
 use crate::http::answer;
 use crate::http::layers::{extent, layers};
 use crate::http::query::Parameters;
+use crate::recipe::{legend, tallest_tree_metres};
 use crate::scene::Scene;
 use crate::source::crs::{self, Crs};
 use crate::state::App;
-use axum::http::HeaderMap;
+use axum::http::{HeaderMap, HeaderValue, header};
 use axum::response::Response;
 use std::fmt::Write as _;
 use treeline_core::geodesy::web_mercator_from_geographic;
@@ -19,25 +20,45 @@ use treeline_core::layer::{Layer, LayerRow};
 use treeline_core::tile::GeographicBox;
 
 /// Answers a GetCapabilities request; `base` is how links start.
-pub fn answer(
-    app: &App,
-    parameters: &Parameters,
-    base: &str,
-    headers: &HeaderMap,
-) -> Result<Response, ServiceException> {
-    if parameters.get("UPDATESEQUENCE") == Some(&app.scene.revision) {
-        return Err(ServiceException::new(
-            Some("CurrentUpdateSequence"),
-            "UPDATESEQUENCE is the current one: what you have is up to date",
-        ));
-    }
+///
+/// There is no update sequence: revisions of the data have no order, and the ETag does its work.
+pub fn answer(app: &App, parameters: &Parameters, base: &str, headers: &HeaderMap) -> Response {
     let link = format!("{base}/wms?");
-    Ok(match Version::of_capabilities(parameters) {
-        Version::V1_3_0 => answer::document("text/xml", document_1_3_0(app, &link), headers),
-        Version::V1_1_1 => {
-            answer::document("application/vnd.ogc.wms_xml", document_1_1_1(app, &link), headers)
+    let extremes = asks_for_extremes(headers).then(|| app.scene.height.range());
+    let mut response = match Version::of_capabilities(parameters) {
+        Version::V1_3_0 => answer::document(app, "text/xml", document_1_3_0(app, &link, extremes), headers),
+        Version::V1_1_1 => answer::document(
+            app,
+            "application/vnd.ogc.wms_xml",
+            document_1_1_1(app, &link, extremes),
+            headers,
+        ),
+    };
+    response.headers_mut().append(header::VARY, HeaderValue::from_static("user-agent"));
+    response
+}
+
+/// Whether a client may be World Wind Java, which reads a layer's `ExtremeElevations`. No schema has that element: only
+/// such a client finds it, and everybody else a valid document.
+fn asks_for_extremes(headers: &HeaderMap) -> bool {
+    let agent = headers.get(header::USER_AGENT).and_then(|value| value.to_str().ok()).unwrap_or_default();
+    let agent = agent.to_ascii_lowercase().replace(' ', "");
+    agent.starts_with("java/") || agent.contains("worldwind")
+}
+
+/// Least and greatest height, where they are asked for and the layer is made of heights.
+fn extreme_elevations(extremes: Option<(f32, f32)>, layer: Layer, tallest: f64) -> String {
+    match extremes {
+        Some((least, greatest)) if layer.is_elevation() && least <= greatest => {
+            let above = if layer == Layer::CombinedElevation { tallest } else { 0.0 };
+            format!(
+                "        <ExtremeElevations min=\"{}\" max=\"{}\"/>\n",
+                least.floor(),
+                (f64::from(greatest) + above).ceil()
+            )
         }
-    })
+        _ => String::new(),
+    }
 }
 
 /// All media types of maps, each once, image/png first.
@@ -82,24 +103,48 @@ fn attribution(scene: &Scene) -> String {
     format!("      <Attribution><Title>{}</Title></Attribution>\n", escape(&scene.attribution.join("; ")))
 }
 
-fn style_elements(layer: Layer) -> String {
+fn style_elements(scene: &Scene, layer: Layer, link: &str) -> String {
     styles(layer)
         .iter()
-        .map(|(name, title)| format!("        <Style><Name>{name}</Name><Title>{title}</Title></Style>\n"))
+        .map(|(name, title)| {
+            format!(
+                "        <Style><Name>{name}</Name><Title>{title}</Title>{}</Style>\n",
+                legend_url(scene, layer, name, link)
+            )
+        })
         .collect()
 }
 
-fn document_1_3_0(app: &App, link: &str) -> String {
+fn legend_url(scene: &Scene, layer: Layer, style: &str, link: &str) -> String {
+    if !legend::has_legend(scene, layer) {
+        return String::new();
+    }
+    let [width, height] = legend::size(scene, layer);
+    let query = format!(
+        "SERVICE=WMS&VERSION=1.3.0&REQUEST=GetLegendGraphic&LAYER={}&STYLE={style}&FORMAT=image/png",
+        layer.name()
+    );
+    format!(
+        "<LegendURL width=\"{width}\" height=\"{height}\"><Format>image/png</Format><OnlineResource xmlns:xlink=\"http://www.w3.org/1999/xlink\" xlink:type=\"simple\" xlink:href=\"{}\"/></LegendURL>",
+        escape(&format!("{link}{query}"))
+    )
+}
+
+fn exception_element(version: Version) -> String {
+    format!("    <Exception>{}</Exception>\n", format_elements(&Report::names(version)))
+}
+
+fn document_1_3_0(app: &App, link: &str, extremes: Option<(f32, f32)>) -> String {
     let scene = &app.scene;
-    let mut out = format!(
-        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<WMS_Capabilities version=\"1.3.0\" updateSequence=\"{}\" xmlns=\"http://www.opengis.net/wms\" xmlns:xlink=\"http://www.w3.org/1999/xlink\" xmlns:xsi=\"http://www.w3.org/2001/XMLSchema-instance\" xsi:schemaLocation=\"http://www.opengis.net/wms http://schemas.opengis.net/wms/1.3.0/capabilities_1_3_0.xsd\">\n",
-        escape(&scene.revision)
+    let mut out = String::from(
+        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<WMS_Capabilities version=\"1.3.0\" xmlns=\"http://www.opengis.net/wms\" xmlns:xlink=\"http://www.w3.org/1999/xlink\" xmlns:xsi=\"http://www.w3.org/2001/XMLSchema-instance\" xsi:schemaLocation=\"http://www.opengis.net/wms http://schemas.opengis.net/wms/1.3.0/capabilities_1_3_0.xsd\">\n",
     );
     let title = escape(&scene.name);
     let _ = write!(
         out,
-        "  <Service>\n    <Name>WMS</Name>\n    <Title>{title}</Title>\n    <OnlineResource xlink:type=\"simple\" xlink:href=\"{}\"/>\n    <LayerLimit>1</LayerLimit>\n    <MaxWidth>{}</MaxWidth>\n    <MaxHeight>{}</MaxHeight>\n  </Service>\n  <Capability>\n    <Request>\n",
+        "  <Service>\n    <Name>WMS</Name>\n    <Title>{title}</Title>\n    <OnlineResource xlink:type=\"simple\" xlink:href=\"{}\"/>\n    <LayerLimit>{}</LayerLimit>\n    <MaxWidth>{}</MaxWidth>\n    <MaxHeight>{}</MaxHeight>\n  </Service>\n  <Capability>\n    <Request>\n",
         escape(link),
+        app.limits.maximum_layers,
         app.limits.maximum_width,
         app.limits.maximum_height
     );
@@ -108,7 +153,8 @@ fn document_1_3_0(app: &App, link: &str) -> String {
     out += &operation("GetFeatureInfo", feature_info::formats(), link);
     let _ = write!(
         out,
-        "    </Request>\n    <Exception><Format>XML</Format></Exception>\n    <Layer>\n      <Title>{title}</Title>\n"
+        "    </Request>\n{}    <Layer>\n      <Title>{title}</Title>\n",
+        exception_element(Version::V1_3_0)
     );
     for name in super::reference_system::ReferenceSystem::names(scene) {
         let _ = writeln!(out, "      <CRS>{name}</CRS>");
@@ -118,31 +164,33 @@ fn document_1_3_0(app: &App, link: &str) -> String {
     for row in layers(scene) {
         let _ = write!(
             out,
-            "      <Layer queryable=\"1\">\n        <Name>{}</Name>\n        <Title>{}</Title>\n{}{}      </Layer>\n",
+            "      <Layer queryable=\"1\">\n        <Name>{}</Name>\n        <Title>{}</Title>\n{}{}{}      </Layer>\n",
             row.name,
             escape(row.title),
             boxes_1_3_0(scene, &layer_bounds(scene, row)),
-            style_elements(row.layer)
+            style_elements(scene, row.layer, link),
+            extreme_elevations(extremes, row.layer, tallest_tree_metres(scene))
         );
     }
     out += "    </Layer>\n  </Capability>\n</WMS_Capabilities>\n";
     out
 }
 
-fn document_1_1_1(app: &App, link: &str) -> String {
+fn document_1_1_1(app: &App, link: &str, extremes: Option<(f32, f32)>) -> String {
     let scene = &app.scene;
     let title = escape(&scene.name);
     let mut out = format!(
-        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<!DOCTYPE WMT_MS_Capabilities SYSTEM \"http://schemas.opengis.net/wms/1.1.1/capabilities_1_1_1.dtd\">\n<WMT_MS_Capabilities version=\"1.1.1\" updateSequence=\"{}\">\n  <Service>\n    <Name>OGC:WMS</Name>\n    <Title>{title}</Title>\n    <OnlineResource xmlns:xlink=\"http://www.w3.org/1999/xlink\" xlink:type=\"simple\" xlink:href=\"{}\"/>\n  </Service>\n  <Capability>\n    <Request>\n",
-        escape(&scene.revision),
+        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<!DOCTYPE WMT_MS_Capabilities SYSTEM \"http://schemas.opengis.net/wms/1.1.1/capabilities_1_1_1.dtd\">\n<WMT_MS_Capabilities version=\"1.1.1\">\n  <Service>\n    <Name>OGC:WMS</Name>\n    <Title>{title}</Title>\n    <OnlineResource xmlns:xlink=\"http://www.w3.org/1999/xlink\" xlink:type=\"simple\" xlink:href=\"{}\"/>\n  </Service>\n  <Capability>\n    <Request>\n",
         escape(link)
     );
     out += &operation("GetCapabilities", &["application/vnd.ogc.wms_xml"], link);
     out += &operation("GetMap", &map_formats(scene), link);
     out += &operation("GetFeatureInfo", feature_info::formats(), link);
+    out += &operation("GetLegendGraphic", &["image/png"], link);
     let _ = write!(
         out,
-        "    </Request>\n    <Exception><Format>application/vnd.ogc.se_xml</Format></Exception>\n    <Layer>\n      <Title>{title}</Title>\n"
+        "    </Request>\n{}    <Layer>\n      <Title>{title}</Title>\n",
+        exception_element(Version::V1_1_1)
     );
     // CRS:84 is a name of 1.3.0; here EPSG:4326 has longitude first anyway.
     for name in super::reference_system::ReferenceSystem::names(scene).iter().skip(1) {
@@ -153,11 +201,12 @@ fn document_1_1_1(app: &App, link: &str) -> String {
     for row in layers(scene) {
         let _ = write!(
             out,
-            "      <Layer queryable=\"1\">\n        <Name>{}</Name>\n        <Title>{}</Title>\n{}{}      </Layer>\n",
+            "      <Layer queryable=\"1\">\n        <Name>{}</Name>\n        <Title>{}</Title>\n{}{}{}      </Layer>\n",
             row.name,
             escape(row.title),
             boxes_1_1_1(scene, &layer_bounds(scene, row)),
-            style_elements(row.layer)
+            style_elements(scene, row.layer, link),
+            extreme_elevations(extremes, row.layer, tallest_tree_metres(scene))
         );
     }
     out += "    </Layer>\n  </Capability>\n</WMT_MS_Capabilities>\n";

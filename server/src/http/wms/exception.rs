@@ -26,6 +26,11 @@ impl ServiceException {
         Self::new(None, line)
     }
 
+    /// The line for people.
+    pub fn line(&self) -> &str {
+        &self.line
+    }
+
     /// The report as the version spells it.
     pub fn response(&self, version: Version) -> Response {
         let code = self.code.map(|code| format!(" code=\"{code}\"")).unwrap_or_default();

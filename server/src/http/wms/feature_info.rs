@@ -1,9 +1,10 @@
 //! GetFeatureInfo: height, canopy and land-cover class at a pixel.
 
 use super::exception::ServiceException;
-use super::get_map;
 use super::reference_system::{ReferenceSystem, RequestBox, size};
+use super::shown;
 use super::version::Version;
+use super::xml::escape;
 use crate::cache::{MakeError, Overload};
 use crate::http::answer::ASK_AGAIN;
 use crate::http::make::make_error;
@@ -13,7 +14,7 @@ use crate::state::AppState;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
 
-const INFO_FORMATS: [&str; 2] = ["application/json", "text/plain"];
+const INFO_FORMATS: [&str; 3] = ["application/json", "text/plain", "text/html"];
 
 /// Media types in which answers come; the first is the default.
 pub fn formats() -> &'static [&'static str] {
@@ -26,10 +27,23 @@ pub async fn answer(
     parameters: &Parameters,
     version: Version,
 ) -> Result<Response, ServiceException> {
-    let text = parameters.require("QUERY_LAYERS", "elevation")?;
-    for name in text.split(',') {
-        let single = Parameters::parse(&format!("QUERY_LAYERS={name}")).unwrap_or_default();
-        get_map::layer(app, &single, "QUERY_LAYERS")?;
+    let asked = shown::layers(app, parameters, "QUERY_LAYERS")?;
+    // The map that was pointed at; clients that name only what they ask about mean a map of that.
+    if parameters.has("LAYERS") {
+        let map = shown::layers(app, parameters, "LAYERS")?;
+        if let Some(other) = asked.iter().find(|layer| !map.contains(layer)) {
+            return Err(ServiceException::new(
+                Some("LayerNotDefined"),
+                format!("QUERY_LAYERS names \"{}\", which is not among LAYERS", other.name()),
+            ));
+        }
+    }
+    if let Some(count) = parameters.get("FEATURE_COUNT")
+        && count.trim().parse::<u32>().is_err()
+    {
+        return Err(ServiceException::invalid(format!(
+            "FEATURE_COUNT is \"{count}\"; it must be a whole number"
+        )));
     }
     let format = match parameters.get("INFO_FORMAT") {
         None => INFO_FORMATS[0],
@@ -71,6 +85,7 @@ pub async fn answer(
         })??;
     let body = match format {
         "text/plain" => plain(longitude, latitude, &found),
+        "text/html" => html(longitude, latitude, &found),
         _ => json(longitude, latitude, &found),
     };
     let headers = [(header::CONTENT_TYPE, format), (header::CACHE_CONTROL, ASK_AGAIN)];
@@ -101,13 +116,32 @@ fn json(longitude: f64, latitude: f64, found: &PointInfo) -> String {
         + "\n"
 }
 
-fn plain(longitude: f64, latitude: f64, found: &PointInfo) -> String {
+/// Names and values for people.
+fn rows(longitude: f64, latitude: f64, found: &PointInfo) -> Vec<(&'static str, String)> {
     let metres = |value: Option<f64>| value.map_or("no data".to_owned(), |value| format!("{value:.2} m"));
-    let mut out =
-        format!("longitude: {longitude}\nlatitude: {latitude}\nelevation: {}\n", metres(found.terrain));
+    let mut rows = vec![
+        ("longitude", longitude.to_string()),
+        ("latitude", latitude.to_string()),
+        ("elevation", metres(found.terrain)),
+    ];
     if let Some(class) = found.class {
         let species = found.species.as_deref().unwrap_or("no trees");
-        out += &format!("canopy height: {}\nland cover: {class} ({species})\n", metres(found.canopy));
+        rows.push(("canopy height", metres(found.canopy)));
+        rows.push(("land cover", format!("{class} ({species})")));
     }
-    out
+    rows
+}
+
+fn plain(longitude: f64, latitude: f64, found: &PointInfo) -> String {
+    rows(longitude, latitude, found).iter().map(|(name, value)| format!("{name}: {value}\n")).collect()
+}
+
+fn html(longitude: f64, latitude: f64, found: &PointInfo) -> String {
+    let rows: String = rows(longitude, latitude, found)
+        .iter()
+        .map(|(name, value)| format!("<tr><th scope=\"row\">{name}</th><td>{}</td></tr>\n", escape(value)))
+        .collect();
+    format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head><meta charset=\"utf-8\"><title>What is here</title></head>\n<body>\n<table>\n{rows}</table>\n</body>\n</html>\n"
+    )
 }

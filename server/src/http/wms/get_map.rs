@@ -2,19 +2,17 @@
 
 use super::exception::ServiceException;
 use super::reference_system::{ReferenceSystem, RequestBox, size};
+use super::shown;
 use super::version::Version;
 use crate::http::answer;
-use crate::http::layers::{has_layer, layer_names};
 use crate::http::order::Order;
 use crate::http::query::{Parameters, number};
 use crate::recipe::Format;
 use crate::source::SampleGrid;
 use crate::state::AppState;
-use crate::user_error::suggestion;
 use axum::http::HeaderMap;
 use axum::response::Response;
 use treeline_core::layer::Layer;
-use treeline_core::query::FILLED_STYLE;
 
 /// Answers a GetMap request.
 pub async fn answer(
@@ -29,12 +27,16 @@ pub async fn answer(
 
 /// What the map's parameters come down to; GetFeatureInfo reads the same part.
 pub fn order(app: &AppState, parameters: &Parameters, version: Version) -> Result<Order, ServiceException> {
-    let layer = layer(app, parameters, "LAYERS")?;
-    let filled = filled(parameters, layer)?;
+    let drawn = shown::drawn(app, parameters)?;
+    let layers: Vec<Layer> = drawn.iter().map(|drawn| drawn.layer).collect();
+    let Some((&lowest, above)) = drawn.split_first() else {
+        return Err(parameters.require("LAYERS", "elevation").err().unwrap_or_default().into());
+    };
+    let layer = lowest.layer;
     let system = ReferenceSystem::of_request(&app.scene, parameters, version)?;
     let request = RequestBox::of_request(parameters, &system)?;
     let (width, height) = size(parameters, &app.limits)?;
-    let format = format(parameters, layer)?;
+    let format = format(parameters, &layers)?;
     let grid = request.grid(layer, &system, width, height);
     if format == Format::Own && !is_tile(&grid) {
         let row = layer.row();
@@ -44,7 +46,8 @@ pub fn order(app: &AppState, parameters: &Parameters, version: Version) -> Resul
         )));
     }
     Ok(Order::new(layer, grid, format)
-        .filled(filled)
+        .filled(lowest.filled)
+        .above(above.to_vec())
         .gaps(transparent(parameters)?, background(parameters)?)
         .nodata(nodata(parameters, format)?))
 }
@@ -69,60 +72,40 @@ fn is_tile(grid: &SampleGrid) -> bool {
     matches!(grid, SampleGrid::Lattice(window) if window.as_tile().is_some())
 }
 
-/// The one layer that the parameter names.
-pub fn layer(app: &AppState, parameters: &Parameters, name: &str) -> Result<Layer, ServiceException> {
-    let text = parameters.require(name, "elevation")?;
-    let names = layer_names(&app.scene);
-    if text.contains(',') {
-        return Err(ServiceException::new(
-            Some("LayerNotDefined"),
-            format!(
-                "{name} is \"{text}\"; this server draws one layer a map: ask for each of them by itself"
-            ),
-        ));
+/// The media type of the layers' table that FORMAT names. Layers one over the other are a picture, in any format of
+/// pictures that one of them has.
+fn format(parameters: &Parameters, layers: &[Layer]) -> Result<Format, ServiceException> {
+    let single = layers.len() == 1;
+    let mut formats: Vec<(Format, &str)> = Vec::new();
+    for &layer in layers {
+        for &name in layer.row().formats {
+            if let Some(format) = Format::from_media_type(layer, name)
+                && (single || format.is_picture())
+                && !formats.contains(&(format, name))
+            {
+                formats.push((format, name));
+            }
+        }
     }
-    Layer::from_name(text).filter(|&layer| has_layer(&app.scene, layer)).ok_or_else(|| {
-        let near = suggestion(text, names.iter().copied());
-        ServiceException::new(
-            Some("LayerNotDefined"),
-            format!("{name} is \"{text}\"; this scene has the layers {}{near}", names.join(", ")),
-        )
-    })
-}
-
-/// Whether STYLES asks for the filled photo.
-fn filled(parameters: &Parameters, layer: Layer) -> Result<bool, ServiceException> {
-    match parameters.get("STYLES") {
-        None | Some("default") => Ok(false),
-        Some(FILLED_STYLE) if layer == Layer::Texture => Ok(true),
-        Some(style) => Err(ServiceException::new(
-            Some("StyleNotDefined"),
-            format!(
-                "STYLES is \"{style}\"; the layer {} has the style \"default\"{} (or leave it empty: STYLES=)",
-                layer.name(),
-                if layer == Layer::Texture { " and \"filled\"" } else { "" }
-            ),
-        )),
-    }
-}
-
-/// The media type of the layer's table that FORMAT names.
-fn format(parameters: &Parameters, layer: Layer) -> Result<Format, ServiceException> {
-    let formats = layer.row().formats;
-    let text = parameters.require("FORMAT", formats[0])?;
+    let text = parameters.require("FORMAT", "image/png")?;
     // Spaces (or the plus signs that stand for them) after the semicolon mean nothing.
     let plain = |text: &str| text.to_ascii_lowercase().replace([' ', '+'], "");
     let asked = plain(text);
-    let known = formats.iter().find(|format| plain(format) == asked);
-    known.and_then(|format| Format::from_media_type(layer, format)).ok_or_else(|| {
+    formats.iter().find(|(_, name)| plain(name) == asked).map(|(format, _)| *format).ok_or_else(|| {
+        let names: Vec<&str> = formats.iter().map(|(_, name)| *name).collect();
+        let what = match layers {
+            [layer] => format!("the layer {} comes", layer.name()),
+            _ => "several layers in one map come".to_owned(),
+        };
         ServiceException::new(
             Some("InvalidFormat"),
-            format!("FORMAT is \"{text}\"; the layer {} comes as {}", layer.name(), formats.join(", ")),
+            format!("FORMAT is \"{text}\"; {what} as {}", names.join(", ")),
         )
     })
 }
 
-fn transparent(parameters: &Parameters) -> Result<bool, ServiceException> {
+/// TRANSPARENT.
+pub fn transparent(parameters: &Parameters) -> Result<bool, ServiceException> {
     match parameters.get("TRANSPARENT") {
         None => Ok(false),
         Some(text) if text.eq_ignore_ascii_case("FALSE") => Ok(false),
@@ -133,7 +116,8 @@ fn transparent(parameters: &Parameters) -> Result<bool, ServiceException> {
     }
 }
 
-fn background(parameters: &Parameters) -> Result<[u8; 3], ServiceException> {
+/// BGCOLOR: red, green, blue.
+pub fn background(parameters: &Parameters) -> Result<[u8; 3], ServiceException> {
     let Some(text) = parameters.get("BGCOLOR") else { return Ok([255; 3]) };
     text.strip_prefix("0x")
         .or_else(|| text.strip_prefix("0X"))

@@ -4,18 +4,24 @@ mod capabilities;
 mod exception;
 mod feature_info;
 mod get_map;
+mod legend;
 mod reference_system;
+mod report;
+mod shown;
 mod version;
 mod xml;
 
 use crate::http::base_url::base_url;
 use crate::http::query::Parameters;
+use crate::http::world_wind;
 use crate::state::AppState;
 use axum::extract::{RawQuery, State};
 use axum::http::HeaderMap;
 use axum::response::Response;
 use exception::ServiceException;
+pub use shown::DEFAULT_STYLE;
 use version::Version;
+pub use xml::escape;
 
 /// Answers a request to `/wms`.
 pub async fn wms(State(app): State<AppState>, RawQuery(query): RawQuery, headers: HeaderMap) -> Response {
@@ -23,10 +29,14 @@ pub async fn wms(State(app): State<AppState>, RawQuery(query): RawQuery, headers
         Ok(parameters) => parameters,
         Err(line) => return ServiceException::invalid(line).response(Version::V1_3_0),
     };
+    if world_wind::is_native(&parameters) {
+        return world_wind::answer(&app, &parameters, &headers).await;
+    }
     let version = Version::of_request(&parameters);
-    answer(&app, &parameters, version.as_ref().ok().copied(), &headers)
-        .await
-        .unwrap_or_else(|exception| exception.response(version.unwrap_or(Version::V1_3_0)))
+    answer(&app, &parameters, version.as_ref().ok().copied(), &headers).await.unwrap_or_else(|exception| {
+        report::picture(&exception, &parameters, &app.limits)
+            .unwrap_or_else(|| exception.response(version.unwrap_or(Version::V1_3_0)))
+    })
 }
 
 async fn answer(
@@ -54,13 +64,20 @@ async fn answer(
     };
     match request.to_ascii_lowercase().as_str() {
         "getcapabilities" | "capabilities" => {
-            capabilities::answer(app, parameters, &base_url(app.public_url.as_deref(), headers), headers)
+            let base = base_url(app.public_url.as_deref(), headers);
+            Ok(capabilities::answer(app, parameters, &base, headers))
         }
-        "getmap" | "map" => get_map::answer(app, parameters, spoken()?, headers).await,
+        "getmap" | "map" => {
+            report::Report::of_request(parameters)?;
+            get_map::answer(app, parameters, spoken()?, headers).await
+        }
+        "getlegendgraphic" => legend::answer(app, parameters, headers).await,
         "getfeatureinfo" | "feature_info" => feature_info::answer(app, parameters, spoken()?).await,
         _ => Err(ServiceException::new(
             Some("OperationNotSupported"),
-            format!("REQUEST is \"{request}\"; there are GetCapabilities, GetMap and GetFeatureInfo"),
+            format!(
+                "REQUEST is \"{request}\"; there are GetCapabilities, GetMap, GetFeatureInfo and GetLegendGraphic"
+            ),
         )),
     }
 }

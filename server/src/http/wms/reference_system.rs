@@ -29,15 +29,9 @@ impl ReferenceSystem {
     ) -> Result<Self, ServiceException> {
         let name = version.reference_system_name();
         let example = if version == Version::V1_3_0 { "CRS:84" } else { "EPSG:4326" };
-        let text = match (parameters.get(name), parameters.get("CRS"), parameters.get("SRS")) {
-            (Some(text), ..) => text,
-            (None, Some(text), _) | (None, _, Some(text)) => {
-                return Err(ServiceException::invalid(format!(
-                    "{name} is missing: WMS {} calls it so; write {name}={text}",
-                    version.text()
-                )));
-            }
-            _ => return Err(parameters.require(name, example).err().unwrap_or_default().into()),
+        // Old clients go on writing SRS in 1.3.0, and new ones CRS in 1.1.1; what the numbers mean is the version's word.
+        let Some(text) = [name, "CRS", "SRS"].into_iter().find_map(|name| parameters.get(name)) else {
+            return Err(parameters.require(name, example).err().unwrap_or_default().into());
         };
         Self::named(scene, text, version).ok_or_else(|| {
             let code = if version == Version::V1_3_0 { "InvalidCRS" } else { "InvalidSRS" };
@@ -177,8 +171,10 @@ impl RequestBox {
 pub fn size(parameters: &Parameters, limits: &Limits) -> Result<(u32, u32), ServiceException> {
     let side = |name: &str, limit: u32| {
         let text = parameters.require(name, "512")?;
-        match text.trim().parse::<u32>() {
-            Ok(value) if (1..=limit).contains(&value) => Ok(value),
+        // Digits alone: "+4", " 4" and "4.0" are mistakes of whoever wrote them.
+        let digits = text.bytes().all(|byte| byte.is_ascii_digit());
+        match text.parse::<u32>() {
+            Ok(value) if digits && (1..=limit).contains(&value) => Ok(value),
             _ => Err(format!("{name} is \"{text}\"; it must be a whole number from 1 to {limit}")),
         }
     };

@@ -12,12 +12,14 @@ pub enum Version {
 }
 
 impl Version {
-    /// The version of a GetMap or GetFeatureInfo request. Where it says none, the parameter that
-    /// only one version has decides (CRS or SRS), else 1.3.0. An error: a version that is not spoken.
+    /// The version of a GetMap or GetFeatureInfo request, negotiated as for the capabilities (1.1.0 means 1.1.1, and
+    /// so on). Where it says none, the parameter that only one version has decides (CRS or SRS), else 1.3.0. An
+    /// error: what is no version.
     pub fn of_request(parameters: &Parameters) -> Result<Self, ()> {
-        match parameters.get("VERSION") {
-            Some("1.3.0" | "1.3") => Ok(Self::V1_3_0),
-            Some("1.1.1" | "1.1.0" | "1.1") => Ok(Self::V1_1_1),
+        match parameters.get("VERSION").or_else(|| parameters.get("WMTVER")) {
+            Some(asked) if asked.split('.').all(|part| part.parse::<u32>().is_ok()) => {
+                Ok(Self::negotiated(asked))
+            }
             Some(_) => Err(()),
             None if parameters.has("SRS") && !parameters.has("CRS") => Ok(Self::V1_1_1),
             None => Ok(Self::V1_3_0),
@@ -27,20 +29,14 @@ impl Version {
     /// The version of the capabilities document, as the standard's negotiation has it: the version
     /// asked for, else the next lower one spoken, else the lowest; none asked for: the highest.
     pub fn of_capabilities(parameters: &Parameters) -> Self {
-        let Some(asked) = parameters.get("VERSION").or_else(|| parameters.get("WMTVER")) else {
-            return Self::V1_3_0;
-        };
+        let asked = parameters.get("VERSION").or_else(|| parameters.get("WMTVER"));
+        asked.map_or(Self::V1_3_0, Self::negotiated)
+    }
+
+    fn negotiated(asked: &str) -> Self {
         let mut numbers = asked.split('.').map(|part| part.parse::<u32>().unwrap_or(0));
         let asked = (numbers.next().unwrap_or(0), numbers.next().unwrap_or(0), numbers.next().unwrap_or(0));
         if asked >= (1, 3, 0) { Self::V1_3_0 } else { Self::V1_1_1 }
-    }
-
-    /// As the standard writes it.
-    pub fn text(self) -> &'static str {
-        match self {
-            Self::V1_1_1 => "1.1.1",
-            Self::V1_3_0 => "1.3.0",
-        }
     }
 
     /// Name of the parameter that holds the reference system.
@@ -72,6 +68,10 @@ mod tests {
         let of = |query: &str| Version::of_request(&Parameters::parse(query).unwrap());
         assert_eq!(of("SRS=EPSG:4326"), Ok(Version::V1_1_1));
         assert_eq!(of("CRS=EPSG:4326"), Ok(Version::V1_3_0));
-        assert_eq!(of("VERSION=1.2.3"), Err(()));
+        assert_eq!(of("VERSION=1.3&SRS=EPSG:4326"), Ok(Version::V1_3_0));
+        assert_eq!(of("VERSION=1.2.3"), Ok(Version::V1_1_1));
+        assert_eq!(of("VERSION=1.1.0"), Ok(Version::V1_1_1));
+        assert_eq!(of("VERSION=2"), Ok(Version::V1_3_0));
+        assert_eq!(of("VERSION=latest"), Err(()));
     }
 }
