@@ -16,8 +16,13 @@ pub struct Config {
     pub public_url: Option<String>,
     /// Folder for tiles that outlive the process. Default: none.
     pub cache: Option<PathBuf>,
+    /// What that folder may hold, MiB; tiles that were used least recently go. Default: 10240.
+    pub disk_cache_mib: u64,
     /// Memory for made tiles, MiB. Default: 256.
     pub memory_cache_mib: u64,
+    /// Seconds between two looks at the scene's files; when they have changed, their new tiles are served. Default: 5;
+    /// 0: never.
+    pub watch_seconds: u64,
     /// Threads that make tiles. Default: 0, one for each core.
     pub worker_threads: usize,
     /// Bounds on requests.
@@ -30,7 +35,9 @@ impl Default for Config {
             listen: "127.0.0.1:8080".to_owned(),
             public_url: None,
             cache: None,
+            disk_cache_mib: 10_240,
             memory_cache_mib: 256,
+            watch_seconds: 5,
             worker_threads: 0,
             limits: Limits::default(),
         }
@@ -57,6 +64,9 @@ impl Config {
         }
         if self.memory_cache_mib > 1 << 20 {
             return Err(format!("memory_cache_mib is {}; it must be at most 1048576", self.memory_cache_mib));
+        }
+        if !(1..=1 << 30).contains(&self.disk_cache_mib) {
+            return Err(format!("disk_cache_mib is {}; it must be 1 to 1073741824", self.disk_cache_mib));
         }
         if let Some(url) = &self.public_url {
             public_url(url).map_err(|error| format!("public_url {error}"))?;

@@ -20,3 +20,4 @@ pub mod species_setting;
 pub mod state;
 pub mod toml_file;
 pub mod user_error;
+pub mod watching;

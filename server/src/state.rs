@@ -7,6 +7,7 @@ use crate::limits::Limits;
 use crate::metrics::Metrics;
 use crate::scene::Scene;
 use crate::user_error::UserError;
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::SystemTime;
@@ -17,6 +18,7 @@ pub struct App {
     pub scene: Arc<Scene>,
     /// Made tiles.
     pub cache: Arc<TileCache>,
+    folder: CacheFolder,
     /// Counters.
     pub metrics: Arc<Metrics>,
     /// Bounds.
@@ -43,17 +45,12 @@ impl App {
                 config.threads()
             ))
         })?;
-        let disk = match &config.cache {
-            None => None,
-            Some(folder) => Some(Arc::new(DiskCache::open(folder, &scene.revision).map_err(|error| {
-                UserError::new(format!(
-                    "--cache {}: cannot be written to ({error}); name a folder that this user may write",
-                    folder.display()
-                ))
-            })?)),
+        let folder = CacheFolder {
+            folder: config.cache.clone(),
+            disk_bytes: config.disk_cache_mib << 20,
+            memory_bytes: config.memory_cache_mib << 20,
         };
-        let cache =
-            Arc::new(TileCache::new(config.memory_cache_mib << 20, disk, Arc::new(workers), metrics.clone()));
+        let cache = folder.open(&scene.revision, &Arc::new(workers), &metrics)?;
         let public_url = config
             .public_url
             .as_deref()
@@ -62,6 +59,7 @@ impl App {
         Ok(Arc::new(Self {
             scene,
             cache,
+            folder,
             metrics,
             limits: config.limits,
             public_url,
@@ -70,8 +68,57 @@ impl App {
         }))
     }
 
+    /// The same with other data: limits, threads and counters go on, tiles begin anew.
+    pub fn reopened(scene: Arc<Scene>, before: &Self) -> Result<AppState, UserError> {
+        let cache = before.folder.open(&scene.revision, before.cache.workers(), &before.metrics)?;
+        Ok(Arc::new(Self {
+            scene,
+            cache,
+            folder: before.folder.clone(),
+            metrics: before.metrics.clone(),
+            limits: before.limits,
+            public_url: before.public_url.clone(),
+            modified: Modified::at(SystemTime::now()),
+            stopping: AtomicBool::new(before.stopping.load(Relaxed)),
+        }))
+    }
+
     /// Whether the server wants requests.
     pub fn is_ready(&self) -> bool {
         !self.stopping.load(Relaxed)
+    }
+}
+
+/// Where made tiles are kept, and how many.
+#[derive(Clone, Debug)]
+struct CacheFolder {
+    folder: Option<PathBuf>,
+    disk_bytes: u64,
+    memory_bytes: u64,
+}
+
+impl CacheFolder {
+    fn open(
+        &self,
+        revision: &str,
+        workers: &Arc<Workers>,
+        metrics: &Arc<Metrics>,
+    ) -> Result<Arc<TileCache>, UserError> {
+        let disk = match &self.folder {
+            None => None,
+            Some(folder) => {
+                Some(Arc::new(DiskCache::open(folder, revision, self.disk_bytes).map_err(|error| {
+                    UserError::new(format!(
+                        "--cache {}: cannot be written to ({error}); name a folder that this user may write",
+                        folder.display()
+                    ))
+                })?))
+            }
+        };
+        let cache =
+            TileCache::new(self.memory_bytes, disk, workers.clone(), metrics.clone()).map_err(|error| {
+                UserError::new(format!("the system gives no thread to write tiles with ({error})"))
+            })?;
+        Ok(Arc::new(cache))
     }
 }

@@ -217,8 +217,11 @@ async fn a_real_listener_drains() {
     let address = listener.local_addr().unwrap();
     let stop = Arc::new(tokio::sync::Notify::new());
     let stopped = stop.clone();
-    let server =
-        tokio::spawn(treeline_server::http::serve(listener, app, async move { stopped.notified().await }));
+    let server = tokio::spawn(treeline_server::http::serve(
+        listener,
+        treeline_server::http::Live::new(app),
+        async move { stopped.notified().await },
+    ));
     let idle = tokio::net::TcpStream::connect(address).await.unwrap();
     let answer = tokio::task::spawn_blocking(move || {
         use std::io::{Read as _, Write as _};

@@ -1,36 +1,54 @@
 //! One file per tile, renamed into place when complete, checked when read.
 
+use super::space::{INCOMPLETE, Space};
 use crate::digest::{Digest, checksum};
-use std::io::{self, Write as _};
+use std::fs::File;
+use std::io::{self, Read as _, Write as _};
 use std::path::{Path, PathBuf};
+use std::time::{Duration, SystemTime};
 
 /// First bytes of a file; the digit is the layout's version.
 const MAGIC: &[u8; 8] = b"TLCACHE1";
 /// Magic, length of the key, length of the payload, checksum of the payload.
 const HEADER: usize = 8 + 4 + 8 + 8;
 
-/// A folder of tiles of one revision.
+/// A file's time says when its tile was last asked for, to this.
+const USE_RESOLUTION: Duration = Duration::from_secs(3600);
+
+/// A folder of tiles of one revision, beside those of others; together they hold so many bytes at most.
 ///
 /// A file holds its key and a checksum, so that neither a torn file, nor one of another release,
 /// nor a collision of names is ever served.
 #[derive(Debug)]
 pub struct DiskCache {
     folder: PathBuf,
+    space: Space,
 }
 
 impl DiskCache {
-    /// Opens (and makes) `folder`/`revision`.
-    pub fn open(folder: &Path, revision: &str) -> io::Result<Self> {
+    /// Opens (and makes) `folder`/`revision`; what is in `folder` is kept at `limit` bytes.
+    pub fn open(folder: &Path, revision: &str, limit: u64) -> io::Result<Self> {
+        let space = Space::new(folder, revision, limit);
         let folder = folder.join(revision);
         std::fs::create_dir_all(&folder)?;
         // Found out now rather than with the first tile: a folder that cannot be written to.
         tempfile::tempfile_in(&folder)?;
-        Ok(Self { folder })
+        Ok(Self { folder, space })
     }
 
     /// The revision's folder.
     pub fn folder(&self) -> &Path {
         &self.folder
+    }
+
+    /// How much there is.
+    pub fn space(&self) -> &Space {
+        &self.space
+    }
+
+    /// Counts what was there before; takes as long as listing all of it.
+    pub fn count(&self) {
+        self.space.count();
     }
 
     /// Where a key's file lies: 256 folders, so that none grows too long.
@@ -41,7 +59,10 @@ impl DiskCache {
 
     /// The payload, or `None` where there is no file or it is not whole.
     pub fn read(&self, key: &str) -> Option<Vec<u8>> {
-        let mut bytes = std::fs::read(self.path(key)).ok()?;
+        let mut file = File::open(self.path(key)).ok()?;
+        let metadata = file.metadata().ok()?;
+        let mut bytes = Vec::with_capacity(usize::try_from(metadata.len()).ok()?);
+        file.read_to_end(&mut bytes).ok()?;
         let header = bytes.get(..HEADER)?;
         let number = |range: std::ops::Range<usize>| {
             header[range].iter().rev().fold(0_u64, |value, &byte| value << 8 | u64::from(byte))
@@ -55,17 +76,26 @@ impl DiskCache {
         if !whole {
             return None;
         }
+        let now = SystemTime::now();
+        if metadata
+            .modified()
+            .is_ok_and(|used| now.duration_since(used).is_ok_and(|age| age > USE_RESOLUTION))
+        {
+            // Where the system does not let us, the tile goes by when it was written.
+            let _ = file.set_modified(now);
+        }
         bytes.drain(..payload);
         Some(bytes)
     }
 
-    /// Writes a file beside its place and renames it: readers see all of it or nothing.
+    /// Writes a file beside its place, waits until the disk has it, and renames it: readers see all of it or nothing,
+    /// also after the machine lost its power. Then makes room.
     pub fn write(&self, key: &str, payload: &[u8]) -> io::Result<()> {
         let path = self.path(key);
         let folder = path.parent().unwrap_or(&self.folder);
         std::fs::create_dir_all(folder)?;
         let key_length = u32::try_from(key.len()).map_err(io::Error::other)?;
-        let mut file = tempfile::Builder::new().prefix(".incomplete-").tempfile_in(folder)?;
+        let mut file = tempfile::Builder::new().prefix(INCOMPLETE).tempfile_in(folder)?;
         let mut header = Vec::with_capacity(HEADER + key.len());
         header.extend(MAGIC);
         header.extend(key_length.to_le_bytes());
@@ -74,7 +104,11 @@ impl DiskCache {
         header.extend(key.as_bytes());
         file.write_all(&header)?;
         file.write_all(payload)?;
+        file.as_file().sync_data()?;
+        let before = path.metadata().map_or(0, |metadata| metadata.len());
         file.persist(&path).map_err(|error| error.error)?;
+        self.space.grew((header.len() + payload.len()) as u64, before);
+        self.space.make_room();
         Ok(())
     }
 }
@@ -85,7 +119,7 @@ mod tests {
 
     fn cache() -> (tempfile::TempDir, DiskCache) {
         let folder = tempfile::tempdir().unwrap();
-        let cache = DiskCache::open(folder.path(), "r1").unwrap();
+        let cache = DiskCache::open(folder.path(), "r1", u64::MAX).unwrap();
         (folder, cache)
     }
 
@@ -100,7 +134,7 @@ mod tests {
         assert_eq!(cache.read("b"), None);
         cache.write("a", b"newer").unwrap();
         assert_eq!(cache.read("a").as_deref(), Some(&b"newer"[..]));
-        let other = DiskCache::open(folder.path(), "r2").unwrap();
+        let other = DiskCache::open(folder.path(), "r2", u64::MAX).unwrap();
         assert_eq!(other.read("a"), None, "another revision sees nothing of it");
     }
 
@@ -139,6 +173,56 @@ mod tests {
     #[test]
     fn a_folder_that_cannot_be_is_an_error() {
         let file = tempfile::NamedTempFile::new().unwrap();
-        assert!(DiskCache::open(file.path(), "r").is_err());
+        assert!(DiskCache::open(file.path(), "r", 1).is_err());
+    }
+
+    #[test]
+    fn the_folder_never_holds_more_than_it_may() {
+        let folder = tempfile::tempdir().unwrap();
+        let old = DiskCache::open(folder.path(), "r0", u64::MAX).unwrap();
+        for index in 0..50 {
+            old.write(&format!("old {index}"), &[7; 1000]).unwrap();
+        }
+        let limit = 300_000;
+        let cache = DiskCache::open(folder.path(), "r1", limit).unwrap();
+        cache.count();
+        let held = || {
+            let files = super::super::space::tests::files(folder.path());
+            files.iter().map(|path| path.metadata().unwrap().len()).sum::<u64>()
+        };
+        assert_eq!(cache.space().used(), held());
+        for index in 0..1_000 {
+            cache.write(&format!("tile {index}"), &[1; 1000]).unwrap();
+            assert!(cache.space().used() <= limit, "{index}");
+        }
+        assert_eq!(cache.space().used(), held());
+        assert!(held() > limit / 2, "no more goes than has to");
+        assert_eq!((0..50).filter(|index| old.read(&format!("old {index}")).is_some()).count(), 0);
+        assert!(cache.read("tile 999").is_some() || cache.space().evicted() > 0);
+        // What is written again takes no more room.
+        let used = cache.space().used();
+        let there = (0..1_000).find(|index| cache.read(&format!("tile {index}")).is_some()).unwrap();
+        cache.write(&format!("tile {there}"), &[2; 1000]).unwrap();
+        assert_eq!(cache.space().used(), used);
+    }
+
+    #[test]
+    fn what_was_used_last_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = DiskCache::open(folder.path(), "r1", u64::MAX).unwrap();
+        let long_ago = SystemTime::now() - Duration::from_secs(100_000);
+        for index in 0..400 {
+            let key = format!("tile {index}");
+            cache.write(&key, &[1; 1000]).unwrap();
+            File::options().write(true).open(cache.path(&key)).unwrap().set_modified(long_ago).unwrap();
+        }
+        // Reading marks a tile as used.
+        let read: Vec<String> = (0..400).step_by(8).map(|index| format!("tile {index}")).collect();
+        assert!(read.iter().all(|key| cache.read(key).is_some()));
+        let small = DiskCache::open(folder.path(), "r1", 250_000).unwrap();
+        small.count();
+        assert!(small.space().used() <= 250_000 && small.space().evicted() > 100);
+        let kept = read.iter().filter(|key| small.read(key).is_some()).count();
+        assert!(kept >= 45, "{kept} of 50 tiles that had been read");
     }
 }

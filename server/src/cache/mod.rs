@@ -5,6 +5,8 @@
 //! last client has left is dropped instead of done.
 
 mod disk;
+mod keeper;
+mod space;
 mod waiting;
 mod workers;
 
@@ -13,8 +15,10 @@ pub use workers::{Overload, Workers};
 
 use crate::metrics::{Metrics, Outcome, Product};
 use axum::body::Bytes;
+use keeper::Keeper;
+use std::io;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 use waiting::Waiting;
 
 /// What identifies an answer: everything that changes its bytes but the scene's revision, spelt in
@@ -53,20 +57,21 @@ pub type Maker = Arc<dyn Fn() -> Result<Vec<u8>, MakeError> + Send + Sync>;
 /// The cache.
 pub struct TileCache {
     memory: moka::future::Cache<Arc<str>, Bytes>,
-    disk: Option<Arc<DiskCache>>,
+    disk: Option<(Arc<DiskCache>, Keeper)>,
     workers: Arc<Workers>,
     waiting: Waiting,
     metrics: Arc<Metrics>,
 }
 
 impl TileCache {
-    /// A cache of at most `memory_bytes`, in front of the folder if there is one.
+    /// A cache of at most `memory_bytes`, in front of the folder if there is one. Errors where the system gives no
+    /// thread to write with.
     pub fn new(
         memory_bytes: u64,
         disk: Option<Arc<DiskCache>>,
         workers: Arc<Workers>,
         metrics: Arc<Metrics>,
-    ) -> Self {
+    ) -> io::Result<Self> {
         // A map entry, its key and moka's own bookkeeping weigh a few hundred bytes even for an empty tile.
         const OVERHEAD_BYTES: usize = 256;
         let memory = moka::future::Cache::builder()
@@ -75,7 +80,11 @@ impl TileCache {
                 u32::try_from(key.len() + value.len() + OVERHEAD_BYTES).unwrap_or(u32::MAX)
             })
             .build();
-        Self { memory, disk, workers, waiting: Waiting::default(), metrics }
+        let disk = match disk {
+            Some(disk) => Some((disk.clone(), Keeper::new(disk)?)),
+            None => None,
+        };
+        Ok(Self { memory, disk, workers, waiting: Waiting::default(), metrics })
     }
 
     /// The answer for a key: from memory, the folder, someone else's flight, or made now.
@@ -124,7 +133,7 @@ impl TileCache {
     }
 
     async fn read_disk(&self, key: &TileKey) -> Option<Bytes> {
-        let disk = self.disk.clone()?;
+        let disk = self.disk()?.clone();
         let text = key.text.clone();
         tokio::task::spawn_blocking(move || disk.read(&text)).await.ok().flatten().map(Bytes::from)
     }
@@ -136,14 +145,13 @@ impl TileCache {
                 return Err(MakeError::Abandoned);
             }
             let start = Instant::now();
-            let bytes = make()?;
+            let bytes = Bytes::from(make()?);
             cache.metrics.made(key.product, start.elapsed());
-            if let Some(disk) = &cache.disk
-                && let Err(error) = disk.write(&key.text, &bytes)
-            {
-                tracing::warn!("{}: a tile could not be kept ({error})", disk.folder().display());
+            // Written after it has been answered.
+            if let Some((_, keeper)) = &cache.disk {
+                keeper.keep(&key.text, &bytes);
             }
-            Ok(Bytes::from(bytes))
+            Ok(bytes)
         };
         match self.workers.run(job).await {
             Ok(made) => made,
@@ -154,7 +162,18 @@ impl TileCache {
 
     /// Whether the folder holds the key's answer, whole.
     pub fn is_on_disk(&self, key: &TileKey) -> bool {
-        self.disk.as_ref().is_some_and(|disk| disk.read(&key.text).is_some())
+        self.disk().is_some_and(|disk| disk.read(&key.text).is_some())
+    }
+
+    /// The folder, where there is one.
+    pub fn disk(&self) -> Option<&Arc<DiskCache>> {
+        self.disk.as_ref().map(|(disk, _)| disk)
+    }
+
+    /// Waits until the folder has all tiles that were made; `false` where that takes longer. Blocks: not for async
+    /// threads that serve.
+    pub fn flush(&self, longest: Duration) -> bool {
+        self.disk.as_ref().is_none_or(|(_, keeper)| keeper.flush(longest))
     }
 
     /// The pool that makes tiles, for other work that must not run on the async threads.

@@ -4,6 +4,7 @@ use super::*;
 use std::sync::atomic::{AtomicUsize, Ordering::SeqCst};
 use std::sync::mpsc;
 use std::sync::{Condvar, Mutex};
+use std::time::Duration;
 use treeline_core::layer::Layer;
 
 /// A door that makers wait at until the test opens it.
@@ -27,7 +28,7 @@ impl Door {
 fn cache(threads: usize, queue: usize, disk: Option<Arc<DiskCache>>) -> (Arc<TileCache>, Arc<Metrics>) {
     let metrics = Arc::new(Metrics::default());
     let workers = Arc::new(Workers::new(threads, queue).unwrap());
-    (Arc::new(TileCache::new(1 << 20, disk, workers, metrics.clone())), metrics)
+    (Arc::new(TileCache::new(1 << 20, disk, workers, metrics.clone()).unwrap()), metrics)
 }
 
 fn key(text: &str) -> TileKey {
@@ -161,9 +162,10 @@ async fn the_folder_outlives_the_process() {
     let folder = tempfile::tempdir().unwrap();
     let makes = Arc::new(AtomicUsize::new(0));
     for _ in 0..2 {
-        let disk = Arc::new(DiskCache::open(folder.path(), "r").unwrap());
+        let disk = Arc::new(DiskCache::open(folder.path(), "r", u64::MAX).unwrap());
         let (cache, _) = cache(1, 8, Some(disk));
         assert_eq!(cache.get(&key("k"), maker(&makes)).await.unwrap(), "tile");
+        assert!(cache.flush(Duration::from_secs(60)), "written after it was answered");
         assert!(cache.is_on_disk(&key("k")) && !cache.is_on_disk(&key("other")));
     }
     assert_eq!(makes.load(SeqCst), 1);

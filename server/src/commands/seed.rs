@@ -13,10 +13,14 @@ use crate::user_error::UserError;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::io::Write as _;
 use std::sync::Arc;
+use std::time::Duration;
 use tokio::task::JoinSet;
 use treeline_core::grid::LatticeWindow;
 use treeline_core::layer::Layer;
 use treeline_core::tile::{GeographicBox, TileAddress, columns, rows, span_degrees};
+
+/// Longest time for the last tiles to be written.
+const LONGEST_FLUSH: Duration = Duration::from_secs(120);
 
 /// Makes all tiles of the box and levels that the folder does not hold yet.
 pub fn seed(arguments: &SeedArguments) -> Result<(), UserError> {
@@ -96,6 +100,11 @@ async fn run(
         made += finish(&mut under_way, &progress).await?;
     }
     progress.finish_and_clear();
+    if !app.cache.flush(LONGEST_FLUSH) {
+        return Err(UserError::new(
+            "the folder takes too long to write; run the same command again to go on",
+        ));
+    }
     let mut output = std::io::stdout().lock();
     let _ = writeln!(output, "treeline: {made} tiles made, {found} were there already");
     Ok(())

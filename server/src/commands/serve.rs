@@ -2,19 +2,24 @@
 
 use super::config;
 use crate::cli::ServeArguments;
-use crate::http;
+use crate::http::{self, Live};
 use crate::opening::open;
 use crate::state::App;
 use crate::user_error::UserError;
+use crate::watching::watch;
 use std::io::Write as _;
 use std::sync::Arc;
+use std::time::Duration;
 use tokio::net::TcpListener;
+
+/// Longest time for the last tiles to be written.
+const LONGEST_FLUSH: Duration = Duration::from_secs(10);
 
 /// Serves until SIGTERM or SIGINT, then finishes what it has begun.
 pub fn serve(arguments: &ServeArguments) -> Result<(), UserError> {
     let config = config(arguments)?;
     let scene = Arc::new(open(&arguments.scene)?);
-    let app = App::new(scene, &config)?;
+    let live = Live::new(App::new(scene, &config)?);
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .enable_all()
         .thread_name("treeline-http")
@@ -32,11 +37,20 @@ pub fn serve(arguments: &ServeArguments) -> Result<(), UserError> {
         let mut output = std::io::stdout().lock();
         let _ = writeln!(output, "treeline: listening on http://{address}").and_then(|()| output.flush());
         drop(output);
+        let app = live.app();
         tracing::info!("serving \"{}\", revision {}", app.scene.name, app.scene.revision);
-        http::serve(listener, app.clone(), stop)
+        if config.watch_seconds > 0 {
+            let interval = Duration::from_secs(config.watch_seconds);
+            tokio::spawn(watch(arguments.scene.clone(), live.clone(), interval));
+        }
+        http::serve(listener, live.clone(), stop)
             .await
             .map_err(|error| UserError::new(format!("the server stopped: {error}")))
-    })
+    })?;
+    if !live.app().cache.flush(LONGEST_FLUSH) {
+        tracing::warn!("some tiles were not written to the cache's folder in time; they will be made again");
+    }
+    Ok(())
 }
 
 async fn listen(address: &str) -> Result<TcpListener, UserError> {

@@ -24,7 +24,18 @@ pub async fn readyz(State(app): State<AppState>) -> Response {
 /// Counters as Prometheus text.
 pub async fn metrics(State(app): State<AppState>) -> Response {
     let workers = app.cache.workers();
+    let space = app.cache.disk().map(|disk| disk.space());
     let gauges = [
+        Gauge {
+            name: "treeline_disk_cache_bytes",
+            help: "Bytes of tiles in the cache's folder.",
+            value: space.map_or(0, |space| space.used()),
+        },
+        Gauge {
+            name: "treeline_disk_cache_evicted_tiles",
+            help: "Tiles that had to leave the cache's folder since the start.",
+            value: space.map_or(0, |space| space.evicted()),
+        },
         Gauge {
             name: "treeline_cache_bytes",
             help: "Bytes of tiles held in memory.",

@@ -1,15 +1,14 @@
 //! Accepting connections until told to stop.
 
-use super::router;
+use super::Live;
 use crate::limits::Limits;
-use crate::state::AppState;
 use axum::body::Body;
 use axum::extract::Request;
 use hyper::body::Incoming;
 use hyper::server::conn::http1;
+use hyper::service::service_fn;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::server::graceful::GracefulShutdown;
-use hyper_util::service::TowerToHyperService;
 use std::future::Future;
 use std::io;
 use std::sync::Arc;
@@ -31,11 +30,10 @@ const ACCEPT_REST: Duration = Duration::from_millis(50);
 /// connections that are not done after 20 seconds are cut.
 pub async fn serve(
     listener: TcpListener,
-    state: AppState,
+    live: Live,
     shutdown: impl Future<Output = ()> + Send + 'static,
 ) -> io::Result<()> {
-    let limits = state.limits;
-    let router = router(state.clone());
+    let limits = live.app().limits;
     let connections = Arc::new(Semaphore::new(limits.maximum_connections.min(Semaphore::MAX_PERMITS)));
     let graceful = GracefulShutdown::new();
     let builder = builder(&limits);
@@ -56,8 +54,10 @@ pub async fn serve(
         }
         let mut stream = Box::pin(TimeoutStream::new(stream));
         stream.as_mut().set_write_timeout_pinned(Some(Duration::from_secs(limits.write_timeout_seconds)));
-        let service = router.clone().map_request(|request: Request<Incoming>| request.map(Body::new));
-        let connection = builder.serve_connection(TokioIo::new(stream), TowerToHyperService::new(service));
+        let live = live.clone();
+        let service =
+            service_fn(move |request: Request<Incoming>| live.router().oneshot(request.map(Body::new)));
+        let connection = builder.serve_connection(TokioIo::new(stream), service);
         let connection = graceful.watch(connection);
         tokio::spawn(async move {
             // A client that goes away or dawdles is no news.
@@ -67,7 +67,7 @@ pub async fn serve(
             drop(place);
         });
     }
-    state.stopping.store(true, Relaxed);
+    live.app().stopping.store(true, Relaxed);
     drop(listener);
     if tokio::time::timeout(DRAIN, graceful.shutdown()).await.is_err() {
         tracing::warn!("some connections were not done after {} seconds and were cut", DRAIN.as_secs());
@@ -75,14 +75,13 @@ pub async fn serve(
     Ok(())
 }
 
-/// How connections are spoken with: HTTP/1.1, kept alive, pipelined.
+/// How connections are spoken with: HTTP/1.1, kept alive. (Its flushing for pipelines would copy every answer.)
 fn builder(limits: &Limits) -> http1::Builder {
     let mut builder = http1::Builder::new();
     builder
         .timer(TokioTimer::new())
         .header_read_timeout(Duration::from_secs(limits.header_timeout_seconds))
-        .max_buf_size(READ_BUFFER)
-        .pipeline_flush(true);
+        .max_buf_size(READ_BUFFER);
     builder
 }
 

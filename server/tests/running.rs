@@ -1,0 +1,209 @@
+//! The server as a process: its data changes, it is killed, it is badly treated.
+
+use std::io::{BufRead as _, BufReader, Read as _, Write as _};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+
+/// Starts the server on a port that it picks; its address comes with it.
+fn serve(arguments: &[&str]) -> (Child, String) {
+    let mut child = Command::new(env!("CARGO_BIN_EXE_treeline"))
+        .args(["serve", "--listen", "127.0.0.1:0"])
+        .args(arguments)
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut line = String::new();
+    BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
+    let address = line.trim().strip_prefix("treeline: listening on http://").unwrap().to_owned();
+    (child, address)
+}
+
+/// Status line, headers and body of a request.
+fn get(address: &str, path: &str) -> (String, Vec<u8>) {
+    let mut stream = std::net::TcpStream::connect(address).unwrap();
+    write!(stream, "GET {path} HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n").unwrap();
+    let mut answer = Vec::new();
+    stream.read_to_end(&mut answer).unwrap();
+    let end = answer.windows(4).position(|window| window == b"\r\n\r\n").unwrap();
+    (String::from_utf8_lossy(&answer[..end]).into_owned(), answer[end + 4..].to_vec())
+}
+
+/// A geographic GeoTIFF of one height, 10° to 10.16° E, 46° to 46.16° N.
+fn write_dem(path: &Path, height: f32) {
+    use tiff::encoder::{TiffEncoder, colortype};
+    use tiff::tags::Tag;
+    let file = std::fs::File::create(path).unwrap();
+    let mut encoder = TiffEncoder::new(file).unwrap();
+    let mut image = encoder.new_image::<colortype::Gray32Float>(16, 16).unwrap();
+    image.encoder().write_tag(Tag::ModelPixelScaleTag, &[0.01_f64, 0.01, 0.0][..]).unwrap();
+    image.encoder().write_tag(Tag::ModelTiepointTag, &[0.0_f64, 0.0, 0.0, 10.0, 46.16, 0.0][..]).unwrap();
+    let keys = [1_u16, 1, 0, 3, 1024, 0, 1, 2, 1025, 0, 1, 1, 2048, 0, 1, 4326];
+    image.encoder().write_tag(Tag::GeoKeyDirectoryTag, &keys[..]).unwrap();
+    image.write_data(&[height; 256]).unwrap();
+}
+
+#[test]
+fn a_file_that_changes_is_noticed_and_a_broken_one_is_not_served() {
+    let folder = tempfile::tempdir().unwrap();
+    let dem = folder.path().join("dem.tif");
+    let config = folder.path().join("treeline.toml");
+    std::fs::write(&config, "watch_seconds = 1\n").unwrap();
+    write_dem(&dem, 100.0);
+    let (mut server, address) =
+        serve(&["--dem", dem.to_str().unwrap(), "--config", config.to_str().unwrap()]);
+    let query = "/wms?SERVICE=WMS&VERSION=1.3.0&REQUEST=GetMap&LAYERS=elevation&STYLES=&CRS=CRS:84&BBOX=10.05,46.05,10.06,46.06&WIDTH=1&HEIGHT=1&FORMAT=application/bil16";
+    let height = || {
+        let (head, body) = get(&address, query);
+        assert!(head.starts_with("HTTP/1.1 200"), "{head}");
+        i16::from_le_bytes([body[0], body[1]])
+    };
+    let revision = || {
+        let scene: serde_json::Value = serde_json::from_slice(&get(&address, "/scene.json").1).unwrap();
+        scene["revision"].as_str().unwrap().to_owned()
+    };
+    assert_eq!(height(), 100);
+    let first = revision();
+    // Until it is noticed; the test's own time-out ends it where it never is.
+    let wait_for = |wanted: i16| {
+        while height() != wanted {
+            std::thread::sleep(std::time::Duration::from_millis(100));
+        }
+    };
+    write_dem(&dem, 250.0);
+    wait_for(250);
+    let second = revision();
+    assert_ne!(first, second);
+    // A file that is no raster: what was there goes on.
+    std::fs::write(&dem, b"this is no raster").unwrap();
+    let log = BufReader::new(server.stderr.take().unwrap());
+    let told = log.lines().map(Result::unwrap).find(|line| line.contains("cannot be opened any more"));
+    assert!(told.unwrap().contains("dem.tif"));
+    assert_eq!((height(), revision()), (250, second));
+    write_dem(&dem, 400.0);
+    wait_for(400);
+    server.kill().unwrap();
+    server.wait().unwrap();
+}
+
+#[test]
+fn tiles_outlive_the_server_however_it_ends() {
+    let folder = tempfile::tempdir().unwrap();
+    let cache = folder.path().to_str().unwrap();
+    let paths: Vec<String> = (0..6)
+        .map(|column| format!("/tiles/elevation/WorldCRS84Quad/12/958/{}?f=bil16", 4346 + column))
+        .collect();
+    let body = |address: &str, path: &str| {
+        let (head, body) = get(address, path);
+        assert!(head.starts_with("HTTP/1.1 200"), "{head}");
+        body
+    };
+    let (mut server, address) = serve(&[]);
+    let right: Vec<Vec<u8>> = paths.iter().map(|path| body(&address, path)).collect();
+    server.kill().unwrap();
+    server.wait().unwrap();
+    for killed_after in [1, 3, 5, 6] {
+        let (mut server, address) = serve(&["--cache", cache]);
+        for (path, right) in paths.iter().zip(&right).take(killed_after) {
+            assert_eq!(&body(&address, path), right, "{path}");
+        }
+        // With no signal that it could act on.
+        server.kill().unwrap();
+        server.wait().unwrap();
+    }
+    let (mut server, address) = serve(&["--cache", cache]);
+    assert!(paths.iter().zip(&right).all(|(path, right)| &body(&address, path) == right));
+    // Asked to stop, it writes what it has answered.
+    let stopped = Command::new("kill").args(["-TERM", &server.id().to_string()]).status().unwrap();
+    assert!(stopped.success() && server.wait().unwrap().success());
+    let (mut server, address) = serve(&["--cache", cache]);
+    assert!(paths.iter().zip(&right).all(|(path, right)| &body(&address, path) == right));
+    let metrics = String::from_utf8(body(&address, "/metrics")).unwrap();
+    let from_disk = "treeline_tiles_total{layer=\"elevation\",outcome=\"disk\"} 6";
+    assert!(metrics.lines().any(|line| line == from_disk), "{metrics}");
+    server.kill().unwrap();
+    server.wait().unwrap();
+}
+
+#[test]
+fn whoever_dawdles_is_shown_out_and_the_rest_served() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = folder.path().join("treeline.toml");
+    std::fs::write(&config, "[limits]\nheader_timeout_seconds = 1\nmaximum_connections = 8\n").unwrap();
+    let (mut server, address) = serve(&["--config", config.to_str().unwrap()]);
+    let mut slow: Vec<_> = (0..8).map(|_| std::net::TcpStream::connect(&address).unwrap()).collect();
+    for stream in &mut slow {
+        stream.write_all(b"GET / HTTP/1.1\r\nHost: x\r\n").unwrap();
+    }
+    // All places are taken until the slow ones have had their time.
+    assert!(get(&address, "/healthz").0.starts_with("HTTP/1.1 200"));
+    for stream in &mut slow {
+        let mut rest = Vec::new();
+        // Closed, with or without a word.
+        let _ = stream.read_to_end(&mut rest);
+        assert!(rest.is_empty() || rest.starts_with(b"HTTP/1.1 408"), "{}", String::from_utf8_lossy(&rest));
+    }
+    server.kill().unwrap();
+    server.wait().unwrap();
+}
+
+#[test]
+fn hostile_requests_are_refused_and_a_good_one_answered() {
+    let (mut server, address) = serve(&[]);
+    let long = "x".repeat(1 << 20);
+    let map =
+        "/wms?SERVICE=WMS&VERSION=1.3.0&REQUEST=GetMap&LAYERS=texture&STYLES=&CRS=CRS:84&FORMAT=image/png";
+    let mut hostile: Vec<String> = Vec::new();
+    for size in ["0", "-1", "4097", "99999999999999999999", "1e3", "NaN", "0x10", ""] {
+        hostile.push(format!("GET {map}&BBOX=10,46,11,47&WIDTH={size}&HEIGHT=1 HTTP/1.1"));
+        hostile.push(format!("GET {map}&BBOX=10,46,11,47&WIDTH=1&HEIGHT={size} HTTP/1.1"));
+    }
+    for bounds in [
+        "NaN,46,11,47",
+        "10,46,inf,47",
+        "1e309,0,1,1",
+        "11,46,10,47",
+        "10,46,10,47",
+        "1,2,3",
+        "a,b,c,d",
+        ",,,",
+    ] {
+        hostile.push(format!("GET {map}&BBOX={bounds}&WIDTH=1&HEIGHT=1 HTTP/1.1"));
+    }
+    for layers in ["<script>", "..%2f..%2fetc%2fpasswd", "%00", "%ff", "elevation%0d%0aX:%20y"] {
+        hostile.push(format!("GET {} HTTP/1.1", map.replace("LAYERS=texture", &format!("LAYERS={layers}"))));
+    }
+    for path in [
+        "/../etc/passwd",
+        "/tiles/..%2f/x/0/0/0",
+        "/tiles/elevation/WebMercatorQuad/99/0/0",
+        "/trees/999",
+        "/%",
+    ] {
+        hostile.push(format!("GET {path} HTTP/1.1"));
+    }
+    hostile.push(format!("GET /wms?{long} HTTP/1.1"));
+    hostile.push(format!("GET /{long} HTTP/1.1"));
+    hostile.push(format!("GET / HTTP/1.1\r\nX: {long}"));
+    hostile.push("POST /wms HTTP/1.1\r\nContent-Length: 3\r\n\r\nabc".to_owned());
+    hostile.push("GET / HTTP/9.9".to_owned());
+    hostile.push("GET  /  HTTP/1.1".to_owned());
+    hostile.push("\u{1}\u{2}\u{3}".to_owned());
+    for request in &hostile {
+        let mut stream = std::net::TcpStream::connect(&address).unwrap();
+        // It may be answered, and the rest not read, before all is written.
+        let _ = write!(stream, "{request}\r\nHost: x\r\nConnection: close\r\n\r\n");
+        let mut answer = Vec::new();
+        let _ = stream.read_to_end(&mut answer);
+        let status = String::from_utf8_lossy(answer.get(..12).unwrap_or_default()).into_owned();
+        let shown = &request[..request.len().min(160)];
+        assert!(status.is_empty() || status.starts_with("HTTP/1.1 4"), "{shown}: {status}");
+        assert!(answer.len() < 4096, "{shown}: {} bytes", answer.len());
+    }
+    assert!(get(&address, "/tiles/texture/WorldCRS84Quad/9/119/543?f=png").0.starts_with("HTTP/1.1 200"));
+    let metrics = String::from_utf8(get(&address, "/metrics").1).unwrap();
+    assert!(metrics.contains("treeline_responses_total{class=\"5xx\"} 0"), "{metrics}");
+    server.kill().unwrap();
+    server.wait().unwrap();
+}
