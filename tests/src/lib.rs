@@ -3,6 +3,7 @@
 
 pub mod approach;
 pub mod browser;
+pub mod client_packages;
 pub mod data;
 pub mod faulty_link;
 pub mod flight_link;
@@ -24,6 +25,7 @@ pub mod recall;
 pub mod reference;
 pub mod router_tiles;
 pub mod seed_pass;
+pub mod static_files;
 pub mod terrain_gpu;
 pub mod tile_world;
 pub mod tree_pictures;

@@ -35,7 +35,7 @@ struct Tool {
     present: fn() -> bool,
 }
 
-const TOOLS: [Tool; 4] = [
+const TOOLS: [Tool; 5] = [
     Tool {
         name: "Chromium",
         used_for: "the browser tests",
@@ -64,6 +64,19 @@ const TOOLS: [Tool; 4] = [
         used_for: "the check of WMS documents against their schemas",
         packages: &["libxml2-utils"],
         present: || process::exists("xmllint"),
+    },
+    Tool {
+        name: "OWSLib",
+        used_for: "the check with OWSLib as a client",
+        packages: &["python3-owslib"],
+        present: || {
+            Command::new("/usr/bin/python3")
+                .args(["-c", "import owslib"])
+                .stdout(Stdio::null())
+                .stderr(Stdio::null())
+                .status()
+                .is_ok_and(|status| status.success())
+        },
     },
     Tool {
         name: "GDAL for Python",
