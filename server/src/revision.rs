@@ -2,12 +2,18 @@
 
 use crate::digest::Digest;
 use crate::scene_file::SceneFile;
+use crate::source::upstream::{self, ranges::RemoteBytes};
 use crate::user_error::UserError;
+use std::collections::BTreeMap;
 use std::path::Path;
-use std::time::UNIX_EPOCH;
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant, UNIX_EPOCH};
 
 /// Digest of the code that makes tiles, from build.rs.
 const TILE_CODE: &str = env!("TREELINE_TILE_CODE");
+
+/// Time between two looks at a file at an upstream.
+const REMOTE_INTERVAL: Duration = Duration::from_secs(60);
 
 /// The revision of a scene: what it says of its sources, the identity of their files, and the code
 /// that makes tiles. `None` is the built-in scene. Views, names and attributions change no tile.
@@ -34,6 +40,11 @@ pub fn revision(scene: Option<&SceneFile>) -> Result<String, UserError> {
 
 /// Place, length and time of change of a file.
 fn identity(path: &Path) -> Result<String, UserError> {
+    if let Some(address) = path.to_str().filter(|_| upstream::is_address(path)) {
+        return remote_identity(address).map_err(|error| {
+            UserError::new(format!("{address}: {error}; check the address, and whether the server is up"))
+        });
+    }
     let unreadable = |error: std::io::Error| {
         UserError::new(format!(
             "{}: cannot be read ({error}); name a file that exists and that this user may read",
@@ -44,6 +55,19 @@ fn identity(path: &Path) -> Result<String, UserError> {
     let place = path.canonicalize().map_err(unreadable)?;
     let changed = metadata.modified().ok().and_then(|time| time.duration_since(UNIX_EPOCH).ok());
     Ok(format!("{}|{}|{}", place.display(), metadata.len(), changed.unwrap_or_default().as_nanos()))
+}
+
+/// Address, length and version of a file at an upstream, as they were a little while ago: whoever looks every few
+/// seconds does not ask every few seconds.
+fn remote_identity(address: &str) -> std::io::Result<String> {
+    static SEEN: Mutex<BTreeMap<String, (Instant, String)>> = Mutex::new(BTreeMap::new());
+    let seen = || SEEN.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some((_, identity)) = seen().get(address).filter(|(when, _)| when.elapsed() < REMOTE_INTERVAL) {
+        return Ok(identity.clone());
+    }
+    let identity = format!("{address}|{}", RemoteBytes::identity(address)?);
+    seen().insert(address.to_owned(), (Instant::now(), identity.clone()));
+    Ok(identity)
 }
 
 #[cfg(test)]

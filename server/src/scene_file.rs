@@ -14,9 +14,10 @@
 //! classes.98 = { surface = "water" }
 //! ```
 //!
-//! Paths are relative to the file. Everything but `[dem]` may be left out.
+//! Paths are relative to the file; an `https://` address of a cloud-optimised GeoTIFF does as well. Everything but `[dem]` may be left out.
 
 use crate::source::growth::Growths;
+use crate::source::upstream;
 use crate::species_setting::{self, SpeciesSetting, growth_of};
 use crate::toml_file;
 use crate::user_error::UserError;
@@ -226,7 +227,9 @@ impl SceneFile {
         }
         let folder = path.parent().unwrap_or(Path::new(""));
         for source in scene.paths_mut() {
-            *source = folder.join(&source);
+            if !upstream::is_address(source) {
+                *source = folder.join(&source);
+            }
         }
         Ok(scene)
     }

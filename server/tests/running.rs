@@ -1,48 +1,10 @@
 //! The server as a process: its data changes, it is killed, it is badly treated.
 
+mod process;
+
+use process::{get, serve, write_dem};
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};
-use std::path::Path;
-use std::process::{Child, Command, Stdio};
-
-/// Starts the server on a port that it picks; its address comes with it.
-fn serve(arguments: &[&str]) -> (Child, String) {
-    let mut child = Command::new(env!("CARGO_BIN_EXE_treeline"))
-        .args(["serve", "--listen", "127.0.0.1:0"])
-        .args(arguments)
-        .stdin(Stdio::null())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
-    let mut line = String::new();
-    BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
-    let address = line.trim().strip_prefix("treeline: listening on http://").unwrap().to_owned();
-    (child, address)
-}
-
-/// Status line, headers and body of a request.
-fn get(address: &str, path: &str) -> (String, Vec<u8>) {
-    let mut stream = std::net::TcpStream::connect(address).unwrap();
-    write!(stream, "GET {path} HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n").unwrap();
-    let mut answer = Vec::new();
-    stream.read_to_end(&mut answer).unwrap();
-    let end = answer.windows(4).position(|window| window == b"\r\n\r\n").unwrap();
-    (String::from_utf8_lossy(&answer[..end]).into_owned(), answer[end + 4..].to_vec())
-}
-
-/// A geographic GeoTIFF of one height, 10° to 10.16° E, 46° to 46.16° N.
-fn write_dem(path: &Path, height: f32) {
-    use tiff::encoder::{TiffEncoder, colortype};
-    use tiff::tags::Tag;
-    let file = std::fs::File::create(path).unwrap();
-    let mut encoder = TiffEncoder::new(file).unwrap();
-    let mut image = encoder.new_image::<colortype::Gray32Float>(16, 16).unwrap();
-    image.encoder().write_tag(Tag::ModelPixelScaleTag, &[0.01_f64, 0.01, 0.0][..]).unwrap();
-    image.encoder().write_tag(Tag::ModelTiepointTag, &[0.0_f64, 0.0, 0.0, 10.0, 46.16, 0.0][..]).unwrap();
-    let keys = [1_u16, 1, 0, 3, 1024, 0, 1, 2, 1025, 0, 1, 1, 2048, 0, 1, 4326];
-    image.encoder().write_tag(Tag::GeoKeyDirectoryTag, &keys[..]).unwrap();
-    image.write_data(&[height; 256]).unwrap();
-}
+use std::process::Command;
 
 #[test]
 fn a_file_that_changes_is_noticed_and_a_broken_one_is_not_served() {
@@ -50,7 +12,7 @@ fn a_file_that_changes_is_noticed_and_a_broken_one_is_not_served() {
     let dem = folder.path().join("dem.tif");
     let config = folder.path().join("treeline.toml");
     std::fs::write(&config, "watch_seconds = 1\n").unwrap();
-    write_dem(&dem, 100.0);
+    write_dem(&dem, 16, |_, _| 100.0);
     let (mut server, address) =
         serve(&["--dem", dem.to_str().unwrap(), "--config", config.to_str().unwrap()]);
     let query = "/wms?SERVICE=WMS&VERSION=1.3.0&REQUEST=GetMap&LAYERS=elevation&STYLES=&CRS=CRS:84&BBOX=10.05,46.05,10.06,46.06&WIDTH=1&HEIGHT=1&FORMAT=application/bil16";
@@ -71,7 +33,7 @@ fn a_file_that_changes_is_noticed_and_a_broken_one_is_not_served() {
             std::thread::sleep(std::time::Duration::from_millis(100));
         }
     };
-    write_dem(&dem, 250.0);
+    write_dem(&dem, 16, |_, _| 250.0);
     wait_for(250);
     let second = revision();
     assert_ne!(first, second);
@@ -81,7 +43,7 @@ fn a_file_that_changes_is_noticed_and_a_broken_one_is_not_served() {
     let told = log.lines().map(Result::unwrap).find(|line| line.contains("cannot be opened any more"));
     assert!(told.unwrap().contains("dem.tif"));
     assert_eq!((height(), revision()), (250, second));
-    write_dem(&dem, 400.0);
+    write_dem(&dem, 16, |_, _| 400.0);
     wait_for(400);
     server.kill().unwrap();
     server.wait().unwrap();

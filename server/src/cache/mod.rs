@@ -40,6 +40,9 @@ pub enum MakeError {
     /// Making it failed: a file changed or is damaged.
     #[error("{0}")]
     Failed(String),
+    /// A server that has a source does not answer as it should: it may later.
+    #[error("{0}")]
+    Upstream(String),
     /// Too many tiles wait already.
     #[error("the server is busy: too many tiles wait to be made; ask again in a second")]
     Busy,

@@ -24,10 +24,18 @@ pub fn refusal(status: StatusCode, line: impl AsRef<str>) -> Response {
     let content_type =
         [(header::CONTENT_TYPE, "text/plain; charset=utf-8"), (header::CACHE_CONTROL, "no-store")];
     let mut response = (status, content_type, line).into_response();
-    if status == StatusCode::SERVICE_UNAVAILABLE {
-        response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from_static("1"));
-    }
+    say_when(&mut response);
     response
+}
+
+/// Says of an answer that may be another in a while when to ask again.
+pub fn say_when(response: &mut Response) {
+    let seconds = match response.status() {
+        StatusCode::SERVICE_UNAVAILABLE => "1",
+        StatusCode::BAD_GATEWAY => "5",
+        _ => return,
+    };
+    response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from_static(seconds));
 }
 
 /// Status of an answer that could not be made.
@@ -35,6 +43,7 @@ pub fn status_of(error: &MakeError) -> StatusCode {
     match error {
         MakeError::Refused(_) => StatusCode::BAD_REQUEST,
         MakeError::Busy | MakeError::Abandoned => StatusCode::SERVICE_UNAVAILABLE,
+        MakeError::Upstream(_) => StatusCode::BAD_GATEWAY,
         MakeError::Failed(_) | MakeError::Panicked => StatusCode::INTERNAL_SERVER_ERROR,
     }
 }

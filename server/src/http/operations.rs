@@ -2,10 +2,12 @@
 
 use crate::http::answer::refusal;
 use crate::metrics::Gauge;
+use crate::source::upstream;
 use crate::state::AppState;
 use axum::extract::State;
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use std::sync::atomic::Ordering::Relaxed;
 
 /// Alive: the process answers.
 pub async fn healthz() -> Response {
@@ -25,7 +27,33 @@ pub async fn readyz(State(app): State<AppState>) -> Response {
 pub async fn metrics(State(app): State<AppState>) -> Response {
     let workers = app.cache.workers();
     let space = app.cache.disk().map(|disk| disk.space());
+    let upstream = upstream::counters();
     let gauges = [
+        Gauge {
+            name: "treeline_upstream_answers",
+            help: "Answers of upstreams that were of use, since the start.",
+            value: upstream.succeeded.load(Relaxed),
+        },
+        Gauge {
+            name: "treeline_upstream_failures",
+            help: "Tries at upstreams that failed, since the start.",
+            value: upstream.failed.load(Relaxed),
+        },
+        Gauge {
+            name: "treeline_upstream_spared",
+            help: "Times that an upstream that had failed was left in peace, since the start.",
+            value: upstream.spared.load(Relaxed),
+        },
+        Gauge {
+            name: "treeline_upstream_bytes",
+            help: "Bytes received from upstreams since the start.",
+            value: upstream.bytes.load(Relaxed),
+        },
+        Gauge {
+            name: "treeline_upstream_milliseconds",
+            help: "Time spent waiting for upstreams since the start.",
+            value: upstream.milliseconds.load(Relaxed),
+        },
         Gauge {
             name: "treeline_disk_cache_bytes",
             help: "Bytes of tiles in the cache's folder.",

@@ -19,6 +19,7 @@ pub mod raster_colour;
 pub mod raster_cover;
 pub mod raster_height;
 pub mod summary;
+pub mod upstream;
 mod wide;
 pub mod window;
 
@@ -105,6 +106,14 @@ pub enum SourceError {
         problem: String,
         /// What the user can do, often a gdal_translate or gdalwarp command.
         mend: String,
+    },
+    /// The server that has the source does not answer as it should.
+    #[error("{address}: {problem}; ask again later")]
+    Upstream {
+        /// The source's address.
+        address: String,
+        /// What happened.
+        problem: String,
     },
     /// Reading failed later than at opening: the file changed, or part of it is damaged.
     #[error("{path}: {problem}; the file is damaged or was not copied whole: fetch it again")]

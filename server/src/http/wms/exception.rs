@@ -3,8 +3,8 @@
 use super::version::Version;
 use super::xml::escape;
 use crate::cache::MakeError;
-use crate::http::answer::status_of;
-use axum::http::{HeaderValue, StatusCode, header};
+use crate::http::answer::{say_when, status_of};
+use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 
 /// A refusal: a code of the standard where it has one, a line for people, and the status.
@@ -51,9 +51,7 @@ impl ServiceException {
         };
         let headers = [(header::CONTENT_TYPE, content_type), (header::CACHE_CONTROL, "no-store")];
         let mut response = (self.status, headers, body).into_response();
-        if self.status == StatusCode::SERVICE_UNAVAILABLE {
-            response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from_static("1"));
-        }
+        say_when(&mut response);
         response
     }
 }

@@ -1,9 +1,9 @@
 //! Exception reports of OGC Web Services Common 1.1 (OGC 06-121r3).
 
 use crate::cache::MakeError;
-use crate::http::answer::status_of;
+use crate::http::answer::{say_when, status_of};
 use crate::http::wms::escape;
-use axum::http::{HeaderValue, StatusCode, header};
+use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 
 /// A refusal: a code of the standard, the parameter that it is about, a line for people, and the status.
@@ -31,9 +31,7 @@ impl WmtsException {
         );
         let headers = [(header::CONTENT_TYPE, "text/xml"), (header::CACHE_CONTROL, "no-store")];
         let mut response = (self.status, headers, body).into_response();
-        if self.status == StatusCode::SERVICE_UNAVAILABLE {
-            response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from_static("1"));
-        }
+        say_when(&mut response);
         response
     }
 }

@@ -1,5 +1,7 @@
-//! Reading a file at any place from many threads at once: no shared position, no lock.
+//! Reading a file, here or at an upstream, at any place from many threads at once.
 
+use crate::source::upstream;
+use crate::source::upstream::ranges::RemoteBytes;
 use std::fs::File;
 use std::io;
 use std::path::Path;
@@ -7,23 +9,35 @@ use std::path::Path;
 /// An open file that is read by position.
 #[derive(Debug)]
 pub struct FileBytes {
-    file: File,
+    place: Place,
     length: u64,
 }
 
+#[derive(Debug)]
+enum Place {
+    /// Without a shared position, and without a lock.
+    Here(File),
+    Remote(RemoteBytes),
+}
+
 impl FileBytes {
-    /// Opens a regular file.
+    /// Opens a regular file, or one at an address.
     ///
     /// # Errors
-    /// What the system says; folders and devices are refused.
+    /// What the system or the upstream says; folders and devices are refused.
     pub fn open(path: &Path) -> io::Result<Self> {
+        if let Some(address) = path.to_str().filter(|_| upstream::is_address(path)) {
+            let remote = RemoteBytes::open(address)?;
+            let length = remote.length();
+            return Ok(Self { place: Place::Remote(remote), length });
+        }
         // Looked at before it is opened: opening a pipe would wait for a writer.
         if !std::fs::metadata(path)?.is_file() {
             return Err(io::Error::new(io::ErrorKind::InvalidInput, "it is no regular file"));
         }
         let file = File::open(path)?;
         let length = file.metadata()?.len();
-        Ok(Self { file, length })
+        Ok(Self { place: Place::Here(file), length })
     }
 
     /// Bytes in the file when it was opened.
@@ -41,28 +55,33 @@ impl FileBytes {
             return Err(io::ErrorKind::UnexpectedEof.into());
         }
         let count = usize::try_from(count).map_err(|_| io::ErrorKind::OutOfMemory)?;
-        let mut bytes = vec![0; count];
-        self.read_exact_at(&mut bytes, offset)?;
-        Ok(bytes)
-    }
-
-    #[cfg(unix)]
-    fn read_exact_at(&self, bytes: &mut [u8], offset: u64) -> io::Result<()> {
-        std::os::unix::fs::FileExt::read_exact_at(&self.file, bytes, offset)
-    }
-
-    #[cfg(windows)]
-    fn read_exact_at(&self, mut bytes: &mut [u8], mut offset: u64) -> io::Result<()> {
-        while !bytes.is_empty() {
-            let read = std::os::windows::fs::FileExt::seek_read(&self.file, bytes, offset)?;
-            if read == 0 {
-                return Err(io::ErrorKind::UnexpectedEof.into());
+        match &self.place {
+            Place::Remote(remote) => remote.read(offset, count),
+            Place::Here(file) => {
+                let mut bytes = vec![0; count];
+                read_exact_at(file, &mut bytes, offset)?;
+                Ok(bytes)
             }
-            bytes = &mut bytes[read..];
-            offset += read as u64;
         }
-        Ok(())
     }
+}
+
+#[cfg(unix)]
+fn read_exact_at(file: &File, bytes: &mut [u8], offset: u64) -> io::Result<()> {
+    std::os::unix::fs::FileExt::read_exact_at(file, bytes, offset)
+}
+
+#[cfg(windows)]
+fn read_exact_at(file: &File, mut bytes: &mut [u8], mut offset: u64) -> io::Result<()> {
+    while !bytes.is_empty() {
+        let read = std::os::windows::fs::FileExt::seek_read(file, bytes, offset)?;
+        if read == 0 {
+            return Err(io::ErrorKind::UnexpectedEof.into());
+        }
+        bytes = &mut bytes[read..];
+        offset += read as u64;
+    }
+    Ok(())
 }
 
 #[cfg(test)]

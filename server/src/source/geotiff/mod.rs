@@ -11,8 +11,8 @@ pub mod image;
 pub mod layout;
 pub mod metadata;
 
-use crate::source::SourceError;
 use crate::source::crs::{Crs, CrsError};
+use crate::source::{SourceError, upstream};
 use bytes::FileBytes;
 use geokeys::{GeoKeys, Stated};
 use georeference::Affine;
@@ -91,6 +91,9 @@ impl Raster {
 
     /// An error for people, from what a read says.
     pub fn read_error(&self, problem: String) -> SourceError {
+        if upstream::is_address(Path::new(&self.path)) {
+            return SourceError::Upstream { address: self.path.clone(), problem };
+        }
         SourceError::Read { path: self.path.clone(), problem }
     }
 
@@ -117,7 +120,12 @@ fn open(path: &Path, assume_crs: Option<&str>) -> Result<Raster, Refusal> {
             std::io::ErrorKind::PermissionDenied => "it may not be read".to_owned(),
             _ => error.to_string(),
         };
-        Refusal::new(problem, "check the path and its permissions")
+        let mend = if upstream::is_address(path) {
+            "check the address, and whether the server is up"
+        } else {
+            "check the path and its permissions"
+        };
+        Refusal::new(problem, mend)
     })?;
     check_format(path, &bytes)?;
     let skeleton = directory::read(&bytes)
@@ -189,6 +197,9 @@ fn images_of(file: &Arc<SourceFile>, skeleton: &directory::Skeleton, except: usi
 /// The images of `FILE.extension`, where there is one that can be read: overviews and masks that
 /// GDAL keeps beside a file.
 fn beside(path: &Path, extension: &str) -> Vec<Image> {
+    if upstream::is_address(path) {
+        return Vec::new();
+    }
     let mut name = path.as_os_str().to_owned();
     name.push(".");
     name.push(extension);
