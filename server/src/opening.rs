@@ -7,7 +7,7 @@ use crate::scene::Scene;
 use crate::scene_file::{ClassSetting, LandCoverSource, SceneFile};
 use crate::source::growth::{GrownCover, Growths};
 use crate::source::open::{
-    HeightOptions, SourceOptions, open_canopy_height, open_colour, open_height, open_land_cover,
+    HeightOptions, SourceOptions, open_canopy_height, open_colour, open_height, open_land_cover, open_photo,
     open_topographic_map, photo_cover,
 };
 use crate::source::picture::map::MapKey;
@@ -94,7 +94,12 @@ pub fn open_file(file: &SceneFile) -> Result<Opened, UserError> {
 
     let mut colour: Option<Arc<dyn ColourField>> = None;
     if let Some(photo) = &file.photo {
-        let opened = open_colour(&photo.path, &options(&photo.crs, photo.nodata))?;
+        let opened = open_photo(
+            &photo.path,
+            &options(&photo.crs, photo.nodata),
+            &place.extent.bounds,
+            photo.maximum_zoom,
+        )?;
         place.check_touches(&photo.path, opened.extent())?;
         facts.push(("photo", opened.describe().to_string()));
         colour = Some(opened);

@@ -2,7 +2,7 @@
 
 use crate::digest::Digest;
 use crate::scene_file::SceneFile;
-use crate::source::upstream::{self, ranges::RemoteBytes};
+use crate::source::upstream::{self, pictures, ranges::RemoteBytes};
 use crate::user_error::UserError;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -40,6 +40,10 @@ pub fn revision(scene: Option<&SceneFile>) -> Result<String, UserError> {
 
 /// Place, length and time of change of a file.
 fn identity(path: &Path) -> Result<String, UserError> {
+    if pictures::is_service(path) {
+        // What such a service changes it does not say.
+        return Ok(path.display().to_string());
+    }
     if let Some(address) = path.to_str().filter(|_| upstream::is_address(path)) {
         return remote_identity(address).map_err(|error| {
             UserError::new(format!("{address}: {error}; check the address, and whether the server is up"))

@@ -18,6 +18,7 @@
 
 use crate::source::growth::Growths;
 use crate::source::upstream;
+use crate::source::upstream::pictures::DEEPEST_ZOOM;
 use crate::species_setting::{self, SpeciesSetting, growth_of};
 use crate::toml_file;
 use crate::user_error::UserError;
@@ -92,8 +93,12 @@ pub struct DemSource {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PhotoSource {
-    /// The GeoTIFF.
+    /// The GeoTIFF; or the address of a service of pictures: `https://…/{z}/{x}/{y}.jpg` (`{-y}` counts from the
+    /// south), or a WMS with its layer, `https://…/wms?LAYERS=…`.
     pub path: PathBuf,
+    /// Deepest zoom of a service. Default: 18, 0.6 m at the equator.
+    #[serde(default)]
+    pub maximum_zoom: Option<u8>,
     /// `EPSG:N`, in place of what the file says.
     #[serde(default)]
     pub crs: Option<String>,
@@ -268,6 +273,11 @@ impl SceneFile {
     pub fn check(&self) -> Result<(), String> {
         if self.paths().any(|path| path.as_os_str().is_empty()) {
             return Err("a path is empty; name the source's file".to_owned());
+        }
+        if let Some(zoom) = self.photo.as_ref().and_then(|photo| photo.maximum_zoom)
+            && zoom > DEEPEST_ZOOM
+        {
+            return Err(format!("photo.maximum_zoom is {zoom}; the deepest is {DEEPEST_ZOOM}"));
         }
         if let Some(dem) = &self.dem {
             let scale = dem.vertical_scale.unwrap_or(1.0);

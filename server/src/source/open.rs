@@ -11,10 +11,12 @@ use super::picture::photo::PhotoJudge;
 use super::raster_colour::RasterColour;
 use super::raster_cover::{CanopyHeightCover, NearestRaster, RasterCover};
 use super::raster_height::{BELIEVABLE_METRES, RasterHeight};
+use super::upstream::pictures;
 use super::{ColourField, Cover, CoverField, HeightField, SourceError};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
+use treeline_core::tile::GeographicBox;
 
 /// Canopies above this, metres, are taken for another unit.
 const TALLEST_TREE_METRES: f32 = 120.0;
@@ -91,7 +93,28 @@ pub fn open_height(path: &Path, options: &HeightOptions) -> Result<Arc<RasterHei
 /// # Errors
 /// As [`open_height`].
 pub fn open_colour(path: &Path, options: &SourceOptions) -> Result<Arc<RasterColour>, SourceError> {
-    let raster = Raster::open(path, options.assume_crs.as_deref())?;
+    colour_of(Raster::open(path, options.assume_crs.as_deref())?, options)
+}
+
+/// Opens a photo: a file, or what a service of pictures has within `bounds` to a zoom.
+///
+/// # Errors
+/// As [`open_height`].
+pub fn open_photo(
+    path: &Path,
+    options: &SourceOptions,
+    bounds: &GeographicBox,
+    zoom: Option<u8>,
+) -> Result<Arc<RasterColour>, SourceError> {
+    match path.to_str() {
+        Some(address) if pictures::is_service(path) => {
+            colour_of(pictures::open(address, bounds, zoom)?, options)
+        }
+        _ => open_colour(path, options),
+    }
+}
+
+fn colour_of(raster: Raster, options: &SourceOptions) -> Result<Arc<RasterColour>, SourceError> {
     raster.verify_anything()?;
     Ok(Arc::new(RasterColour::new(Arc::new(raster), options.nodata)?))
 }

@@ -10,21 +10,46 @@ use std::sync::atomic::{AtomicU64, Ordering};
 /// Decoded bytes after which trying an image ends.
 const TRIED_BYTES: usize = 512 << 20;
 
-/// A file that images are read from.
+/// What images are read from.
 #[derive(Debug)]
 pub struct SourceFile {
-    /// Its bytes.
-    pub bytes: FileBytes,
-    /// Whether its numbers stand most significant byte first.
-    pub big_endian: bool,
+    contents: Contents,
     id: u64,
+}
+
+#[derive(Debug)]
+enum Contents {
+    /// A file; whether its numbers stand most significant byte first.
+    File {
+        bytes: FileBytes,
+        big_endian: bool,
+    },
+    Service(Arc<dyn ChunkService>),
+}
+
+/// Something that gives chunks one by one.
+pub trait ChunkService: std::fmt::Debug + Send + Sync {
+    /// The samples of a chunk of an image.
+    ///
+    /// # Errors
+    /// What went wrong, in a few words.
+    fn chunk(&self, image: u32, column: u32, row: u32) -> Result<Samples, String>;
 }
 
 impl SourceFile {
     /// Takes an open file.
     pub fn new(bytes: FileBytes, big_endian: bool) -> Self {
+        Self::with(Contents::File { bytes, big_endian })
+    }
+
+    /// Chunks of a service.
+    pub fn of_service(service: Arc<dyn ChunkService>) -> Self {
+        Self::with(Contents::Service(service))
+    }
+
+    fn with(contents: Contents) -> Self {
         static NEXT: AtomicU64 = AtomicU64::new(1);
-        Self { bytes, big_endian, id: NEXT.fetch_add(1, Ordering::Relaxed) }
+        Self { contents, id: NEXT.fetch_add(1, Ordering::Relaxed) }
     }
 }
 
@@ -106,17 +131,21 @@ impl Image {
         let layout = &self.layout;
         let chunk = plane * layout.chunks_per_plane() + row * layout.chunks_across() + column;
         ChunkCache::shared().get((self.file.id, self.index, chunk), || {
+            let (bytes, big_endian) = match &self.file.contents {
+                Contents::Service(service) => return service.chunk(self.index, column, row),
+                Contents::File { bytes, big_endian } => (bytes, *big_endian),
+            };
             let Some((offset, count)) = layout.chunk_place(chunk) else { return Ok(Samples::Sparse) };
             let place = || {
                 format!("the {} at column {column}, row {row}", if layout.tiled { "tile" } else { "strip" })
             };
-            let data = self.file.bytes.read(offset, count).map_err(|error| match error.kind() {
+            let data = bytes.read(offset, count).map_err(|error| match error.kind() {
                 std::io::ErrorKind::UnexpectedEof => {
                     format!("{} lies beyond the end of the file: it was cut off", place())
                 }
                 _ => format!("{} cannot be read: {error}", place()),
             })?;
-            chunk::decode(layout, self.file.big_endian, layout.stored_rows(chunk), data)
+            chunk::decode(layout, big_endian, layout.stored_rows(chunk), data)
                 .map_err(|problem| format!("{} cannot be decoded: {problem}", place()))
         })
     }

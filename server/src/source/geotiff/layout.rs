@@ -124,6 +124,30 @@ pub fn compression_name(number: u16) -> String {
 }
 
 impl Layout {
+    /// Of pictures in red, green, blue and alpha, in tiles of `side` pixels a side that come one by one.
+    pub fn of_pictures(width: u32, height: u32, side: u32) -> Self {
+        Self {
+            width,
+            height,
+            samples: 4,
+            bits: 8,
+            kind: SampleKind::Unsigned,
+            planar: false,
+            compression: compression::NONE,
+            predictor: 1,
+            photometric: photometric::RGB,
+            extra_samples: vec![2],
+            palette: None,
+            jpeg_tables: None,
+            subfile: 0,
+            tiled: true,
+            chunk_width: side,
+            chunk_height: side,
+            offsets: Vec::new(),
+            counts: Vec::new(),
+        }
+    }
+
     /// Reads and checks the layout of a directory.
     ///
     /// # Errors

@@ -145,8 +145,9 @@ fn open(path: &Path, assume_crs: Option<&str>) -> Result<Raster, Refusal> {
     let aside = metadata::Beside::read(path);
     let nodata = metadata::nodata(&bytes, first).or(aside.nodata);
     let scale_and_offset = metadata::scale_and_offset(&bytes, first, 0, &aside);
+    let layouts = layouts_of(&bytes, &skeleton, main);
     let file = Arc::new(SourceFile::new(bytes, skeleton.big_endian));
-    let mut others = images_of(&file, &skeleton, main);
+    let mut others = images_of(&file, layouts);
     let mut image = Image::new(Arc::clone(&file), main as u32, layout);
     others.extend(beside(path, "ovr"));
     let mut masks = Vec::new();
@@ -183,13 +184,18 @@ fn open(path: &Path, assume_crs: Option<&str>) -> Result<Raster, Refusal> {
     })
 }
 
-/// The readable images of a file, but for the one at `except`.
-fn images_of(file: &Arc<SourceFile>, skeleton: &directory::Skeleton, except: usize) -> Vec<Image> {
+/// The images of a file.
+fn images_of(file: &Arc<SourceFile>, layouts: Vec<(u32, Layout)>) -> Vec<Image> {
+    layouts.into_iter().map(|(index, layout)| Image::new(Arc::clone(file), index, layout)).collect()
+}
+
+/// The layouts that can be read, by the numbers of their directories, but for the one at `except`.
+fn layouts_of(bytes: &FileBytes, skeleton: &directory::Skeleton, except: usize) -> Vec<(u32, Layout)> {
     let directories = skeleton.directories.iter().enumerate().filter(|(index, _)| *index != except);
     directories
         .filter_map(|(index, directory)| {
-            let layout = Layout::read(&file.bytes, directory).ok()?;
-            Some(Image::new(Arc::clone(file), index as u32, layout))
+            let layout = Layout::read(bytes, directory).ok()?;
+            Some((index as u32, layout))
         })
         .collect()
 }
@@ -205,8 +211,9 @@ fn beside(path: &Path, extension: &str) -> Vec<Image> {
     name.push(extension);
     let Ok(bytes) = FileBytes::open(&PathBuf::from(name)) else { return Vec::new() };
     let Ok(skeleton) = directory::read(&bytes) else { return Vec::new() };
+    let layouts = layouts_of(&bytes, &skeleton, usize::MAX);
     let file = Arc::new(SourceFile::new(bytes, skeleton.big_endian));
-    images_of(&file, &skeleton, usize::MAX)
+    images_of(&file, layouts)
 }
 
 /// Whether it is a smaller copy: as many bands of the same kind, the same shape to a pixel.

@@ -3,6 +3,7 @@
 //!
 //! Only addresses that the configuration names are asked; a redirect is an error that says where to.
 
+pub mod pictures;
 pub mod ranges;
 
 use std::collections::HashMap;
@@ -119,6 +120,27 @@ impl Client {
     /// # Errors
     /// A few words on what went wrong: a status, a time-out, an answer that is not what was asked for.
     pub fn range(&self, address: &str, first: u64, last: u64) -> Result<Part, String> {
+        self.ask(address, || {
+            let part = self.try_range(address, first, last)?;
+            self.counters.bytes.fetch_add(part.bytes.len() as u64, Relaxed);
+            Ok(part)
+        })
+    }
+
+    /// The whole of something of at most `limit` bytes; `None` where there is nothing at the address.
+    ///
+    /// # Errors
+    /// As [`Self::range`].
+    pub fn get(&self, address: &str, limit: u64) -> Result<Option<Vec<u8>>, String> {
+        self.ask(address, || {
+            let found = self.try_get(address, limit)?;
+            self.counters.bytes.fetch_add(found.as_ref().map_or(0, Vec::len) as u64, Relaxed);
+            Ok(found)
+        })
+    }
+
+    /// Asks until there is an answer, or enough is enough.
+    fn ask<T>(&self, address: &str, ask: impl Fn() -> Result<T, Failure>) -> Result<T, String> {
         let origin = origin(address);
         let rests = lock(&self.resting).get(origin).copied().filter(|until| *until > Instant::now());
         if rests.is_some() {
@@ -130,14 +152,13 @@ impl Client {
         loop {
             let place = self.place()?;
             let start = Instant::now();
-            let result = self.try_range(address, first, last);
+            let result = ask();
             drop(place);
             self.counters.milliseconds.fetch_add(start.elapsed().as_millis() as u64, Relaxed);
             match result {
-                Ok(part) => {
+                Ok(answer) => {
                     self.counters.succeeded.fetch_add(1, Relaxed);
-                    self.counters.bytes.fetch_add(part.bytes.len() as u64, Relaxed);
-                    return Ok(part);
+                    return Ok(answer);
                 }
                 Err(Failure::Passing(_)) if tries < TRIES => {
                     self.counters.failed.fetch_add(1, Relaxed);
@@ -156,6 +177,25 @@ impl Client {
                 }
             }
         }
+    }
+
+    fn try_get(&self, address: &str, limit: u64) -> Result<Option<Vec<u8>>, Failure> {
+        let mut response =
+            self.agent.get(address).call().map_err(|error| Failure::Passing(format!("{error}")))?;
+        let status = response.status();
+        match status.as_u16() {
+            200 => {}
+            204 | 404 | 410 => return Ok(None),
+            408 | 429 | 500.. => return Err(Failure::Passing(format!("HTTP {status}"))),
+            300..400 => {
+                let place = response.headers().get("location").and_then(|value| value.to_str().ok());
+                let place = place.unwrap_or("another address");
+                return Err(Failure::Lasting(format!("it has moved to {place}; name that address")));
+            }
+            _ => return Err(Failure::Lasting(format!("HTTP {status}"))),
+        }
+        let body = response.body_mut().with_config().limit(limit).read_to_vec();
+        body.map(Some).map_err(|error| Failure::Passing(format!("{error}")))
     }
 
     fn try_range(&self, address: &str, first: u64, last: u64) -> Result<Part, Failure> {
