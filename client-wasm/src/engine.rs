@@ -8,11 +8,11 @@ mod inspect;
 mod trees;
 
 pub use exchange::{
-    DEFAULT_SHADOW_STEPS, DEFAULT_TREE_METRES, EngineError, EngineOptions, FrameReport, HandOver, Payload,
-    PhotoPixels, Resource, TileRequest, ViewRequest, Weather,
+    DEFAULT_SHADOW_STEPS, DEFAULT_TREE_METRES, DEFAULT_UNDERGROWTH_METRES, EngineError, EngineOptions,
+    FrameReport, HandOver, Payload, PhotoPixels, Resource, TileRequest, ViewRequest, Weather,
 };
 
-use crate::frame::{FrameRenderer, FrameTarget, FrameTrees};
+use crate::frame::{FramePlants, FrameRenderer, FrameTarget, FrameTrees};
 use crate::gpu::GpuContext;
 use crate::gpu::tile_arrays::TileArrays;
 use crate::passes::compress_photo::PhotoFormat;
@@ -25,6 +25,7 @@ use crate::stream::page_table::Tables;
 use crate::stream::requests::{FetchFailure, RequestId, TileKey};
 use crate::stream::tile_choice::TileChoice;
 use crate::stream::tree_field::SeedFrameCells;
+use crate::stream::undergrowth::UndergrowthBlocks;
 use crate::stream::view::ViewGeometry;
 use crate::survey::{Survey, Ticket};
 use std::collections::{BTreeMap, HashMap, HashSet};
@@ -95,6 +96,7 @@ struct Drawn {
     view: View,
     tables: Tables,
     seeds: Option<SeedFrameCells>,
+    undergrowth: Option<UndergrowthBlocks>,
 }
 
 impl Engine {
@@ -109,6 +111,8 @@ impl Engine {
         options.stream.texture_slot_bytes = photo.tile_bytes();
         options.stream.tree_range_metres =
             options.tree_metres.unwrap_or(DEFAULT_TREE_METRES[usize::from(on_processor)]);
+        options.stream.undergrowth_metres =
+            options.undergrowth_metres.unwrap_or(DEFAULT_UNDERGROWTH_METRES[usize::from(on_processor)]);
         let stream = Stream::new(&scene, &options.stream)?;
         let sun_unix_seconds = unix_seconds_from_rfc3339(&scene.sun.time)?;
         let slots = stream.slots();
@@ -334,10 +338,12 @@ impl Engine {
         let seeds = self.stream.seed_cells(&geometry, map_holds);
         let species = self.stream.tree_field().map_or(&[][..], |field| &field.species);
         let trees = seeds.as_ref().map(|seeds| FrameTrees { seeds, species, window: seeds.window() });
-        if !self.renderer.draw(&self.gpu, &self.arrays, &view, &tables, target, trees, ticket) {
+        let undergrowth = self.stream.undergrowth_blocks(&geometry);
+        let plants = FramePlants { trees, undergrowth: undergrowth.as_ref() };
+        if !self.renderer.draw(&self.gpu, &self.arrays, &view, &tables, target, plants, ticket) {
             self.survey.not_made();
         }
-        self.drawn = Some(Drawn { request: request.clone(), geometry, view, tables, seeds });
+        self.drawn = Some(Drawn { request: request.clone(), geometry, view, tables, seeds, undergrowth });
         self.stale = false;
         self.frames += 1;
         self.has_shown |= self.stream.shows_ground();

@@ -1,5 +1,8 @@
 //! A frame: the order of its passes, in one screenful.
 
+mod groups;
+mod undergrowth;
+
 use crate::gpu::GpuContext;
 use crate::gpu::frame_buffers::FrameBuffers;
 use crate::gpu::read_back_belt::Belt;
@@ -8,16 +11,19 @@ use crate::gpu::tile_arrays::TileArrays;
 use crate::gpu::tree_models::TreeModels;
 use crate::passes::load_map::LoadMap;
 use crate::passes::maximum_mip::MaximumMip;
-use crate::passes::select_trees::{SelectTrees, SelectVariant};
+use crate::passes::select_trees::SelectTrees;
+use crate::passes::select_undergrowth::SelectUndergrowth;
 use crate::passes::shade::{Shade, ShadeVariant, hits_layout};
 use crate::passes::terrain::Terrain;
 use crate::passes::timing::PassTimer;
 use crate::passes::trees::{DEPTH_FORMAT, Trees, TreesVariant};
 use crate::passes::view_layout;
-use crate::stats::SeedStats;
+use crate::stats::{SeedStats, UndergrowthStats};
 use crate::stream::page_table::Tables;
 use crate::stream::tree_field::SeedFrameCells;
+use crate::stream::undergrowth::UndergrowthBlocks;
 use crate::survey::Ticket;
+use groups::{bind, has, hits_group, select_variant, shade_variant};
 use treeline_core::seeds::Species;
 use treeline_core::seeds::pattern::{CellRow, ROWS};
 use treeline_core::seeds::season::ROWS as ROWS_OF_SEASONS;
@@ -25,10 +31,29 @@ use treeline_core::tree_model::TreeSpecies;
 use treeline_shaders::layout::View;
 use treeline_shaders::season::{FLAG_SEASON, SeasonRow};
 use treeline_shaders::trees::{Draw, SeedSpecies, TreeCells};
-use treeline_shaders::weather::{FLAG_CLOUDS, FLAG_WIND};
+use treeline_shaders::weather::FLAG_WIND;
+use undergrowth::FrameUndergrowth;
 
 /// The passes of a frame, in order; timed under these names.
-pub const PASSES: &[&str] = &["terrain", "shade", "distance_pyramid", "load_map", "select_trees", "trees"];
+pub const PASSES: &[&str] = &[
+    "terrain",
+    "shade",
+    "distance_pyramid",
+    "load_map",
+    "select_trees",
+    "trees",
+    "select_undergrowth",
+    "undergrowth",
+];
+
+/// What grows in a frame.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct FramePlants<'a> {
+    /// Trees that are drawn one by one.
+    pub trees: Option<FrameTrees<'a>>,
+    /// Undergrowth near the eye.
+    pub undergrowth: Option<&'a UndergrowthBlocks>,
+}
 
 /// Trees of a frame: what to select from, and the species' table.
 #[derive(Clone, Copy, Debug)]
@@ -81,6 +106,7 @@ pub struct FrameRenderer {
     seed_stats: Option<SeedStats>,
     /// Draws of the last frame's trees.
     tree_draws: u32,
+    undergrowth: FrameUndergrowth,
     load_map: Option<LoadMap>,
     belt: Option<Belt<Ticket>>,
     /// The words of the map being taken in.
@@ -150,6 +176,7 @@ impl FrameRenderer {
             seed_belt: None,
             seed_stats: None,
             tree_draws: 0,
+            undergrowth: FrameUndergrowth::default(),
             load_map: None,
             belt: None,
             words: Vec::new(),
@@ -191,10 +218,10 @@ impl FrameRenderer {
         view: &View,
         tables: &Tables,
         target: &FrameTarget<'_>,
-        trees: Option<FrameTrees<'_>>,
+        plants: FramePlants<'_>,
         ticket: Option<Ticket>,
     ) -> bool {
-        self.render(gpu, arrays, view, tables, Some((target, trees)), ticket)
+        self.render(gpu, arrays, view, tables, Some((target, plants)), ticket)
     }
 
     /// Makes a load map without a picture.
@@ -215,15 +242,16 @@ impl FrameRenderer {
         arrays: &TileArrays,
         view: &View,
         tables: &Tables,
-        target: Option<(&FrameTarget<'_>, Option<FrameTrees<'_>>)>,
+        target: Option<(&FrameTarget<'_>, FramePlants<'_>)>,
         ticket: Option<Ticket>,
     ) -> bool {
-        let trees = target.and_then(|(_, trees)| trees);
+        let FramePlants { trees, undergrowth } = target.map(|(_, plants)| plants).unwrap_or_default();
         let target = target.map(|(target, _)| target);
         self.buffers.write(&gpu.device, &gpu.queue, view, tables);
         self.prepare(gpu, arrays, view, tables, target.map(|target| target.format), ticket.is_some());
         self.prepare_trees(gpu, view, tables, trees);
-        let draws_trees = self.prepare_tree_drawing(gpu, arrays, view, tables, trees.zip(target));
+        let drawn_trees = trees.filter(|_| self.tree_models.is_some());
+        let draws_plants = self.prepare_plants(gpu, arrays, view, tables, target, drawn_trees, undergrowth);
         let (Some(targets), Some(groups), Some(terrain)) = (&self.targets, &self.groups, &self.terrain)
         else {
             return false;
@@ -244,10 +272,14 @@ impl FrameRenderer {
                 belt.schedule(&mut encoder, &[pass.draws()], checked.map(u64::from).sum());
             }
         }
+        if let Some(seen) = undergrowth {
+            let range = drawn_trees.map_or(0.0, |trees| trees.window.range);
+            self.undergrowth.record_selection(gpu, &mut encoder, &groups.frame, seen, range, timer);
+        }
         let timestamps = timer.filter(|_| target.is_some()).and_then(|timer| timer.writes(1));
-        let depth = targets.depth_view.as_ref().filter(|_| draws_trees);
+        let depth = targets.depth_view.as_ref().filter(|_| draws_plants);
         match (target, &self.shade, &self.shade_trees, &self.tree_groups) {
-            (Some(target), _, Some(shade), Some(tree_groups)) if draws_trees => {
+            (Some(target), _, Some(shade), Some(tree_groups)) if draws_plants => {
                 shade.record(&mut encoder, &groups.frame, &tree_groups.hits, target.view, depth, timestamps);
             }
             (Some(target), Some(shade), ..) => {
@@ -255,8 +287,15 @@ impl FrameRenderer {
             }
             _ => {}
         }
+        if let (Some(target), Some(depth), Some(tree_groups), Some(_)) =
+            (target, depth, &self.tree_groups, undergrowth)
+        {
+            let (view, picture, trees_follow) = (&tree_groups.view, target.view, drawn_trees.is_some());
+            self.undergrowth.record_drawing(gpu, &mut encoder, view, picture, depth, trees_follow, timer);
+        }
         if let (Some(target), Some(depth), Some(tree_groups), Some(pass), Some(selected), Some(models)) =
             (target, depth, &self.tree_groups, &mut self.trees, &self.select_trees, &self.tree_models)
+            && drawn_trees.is_some()
         {
             let times = timer.and_then(|timer| timer.writes(5));
             let (device, view, picture) = (&gpu.device, &tree_groups.view, target.view);
@@ -286,6 +325,7 @@ impl FrameRenderer {
         if let Some(belt) = &mut self.seed_belt {
             belt.submitted();
         }
+        self.undergrowth.submitted();
         made
     }
 
@@ -303,12 +343,7 @@ impl FrameRenderer {
             self.seed_stats = self.seed_stats.map(|_| SeedStats::default());
             return;
         };
-        let variant = SelectVariant {
-            photo: !tables.pages.is_empty(),
-            shadows: view.shadow_steps > 0,
-            season: has(view, FLAG_SEASON),
-            clouds: has(view, FLAG_CLOUDS),
-        };
+        let variant = select_variant(view, tables);
         if self.select_trees.as_ref().is_some_and(|pass| pass.variant == variant) {
             return;
         }
@@ -340,20 +375,25 @@ impl FrameRenderer {
         self.tree_models.as_ref().map_or(0, TreeModels::bytes)
     }
 
-    /// Makes what drawing trees needs, where there are trees and models of them; answers whether there are.
-    fn prepare_tree_drawing(
+    /// Makes what drawing plants needs, where there are trees with models, or undergrowth; answers whether there are.
+    #[allow(clippy::too_many_arguments, reason = "what a frame is made of")]
+    fn prepare_plants(
         &mut self,
         gpu: &GpuContext,
         arrays: &TileArrays,
         view: &View,
         tables: &Tables,
-        trees: Option<(FrameTrees<'_>, &FrameTarget<'_>)>,
+        target: Option<&FrameTarget<'_>>,
+        trees: Option<FrameTrees<'_>>,
+        undergrowth: Option<&UndergrowthBlocks>,
     ) -> bool {
-        let (Some((trees, target)), Some(targets), true) =
-            (trees, &mut self.targets, self.tree_models.is_some())
-        else {
+        if undergrowth.is_none() {
+            self.undergrowth.rest();
+        }
+        let (Some(target), Some(targets)) = (target, &mut self.targets) else { return false };
+        if trees.is_none() && undergrowth.is_none() {
             return false;
-        };
+        }
         let device = &gpu.device;
         targets.with_depth(device, DEPTH_FORMAT);
         let format = target.format;
@@ -364,8 +404,12 @@ impl FrameRenderer {
             self.shade_trees = Some(Shade::new(device, &self.frame_layout, tree_hits_layout, variant));
         }
         let variant = TreesVariant { format, season: has(view, FLAG_SEASON), wind: has(view, FLAG_WIND) };
-        if self.trees.as_ref().is_none_or(|pass| pass.variant != variant) {
+        if trees.is_some() && self.trees.as_ref().is_none_or(|pass| pass.variant != variant) {
             self.trees = Some(Trees::new(device, view_layout, variant));
+        }
+        if undergrowth.is_some() {
+            let select = select_variant(view, tables);
+            self.undergrowth.prepare(gpu, &self.frame_layout, view_layout, select, variant);
         }
         let cells = self.tree_cells.get_or_insert_with(|| {
             device.create_buffer(&wgpu::BufferDescriptor {
@@ -375,7 +419,9 @@ impl FrameRenderer {
                 mapped_at_creation: false,
             })
         });
-        gpu.queue.write_buffer(cells, 0, bytemuck::bytes_of(&trees.window));
+        let mut window = trees.map_or_else(|| TreeCells::new(&[], [0; 2], 0.0), |trees| trees.window);
+        window.turf = undergrowth.map_or(0.0, |seen| seen.frame.range);
+        gpu.queue.write_buffer(cells, 0, bytemuck::bytes_of(&window));
         if self.tree_groups.as_ref().is_none_or(|groups| groups.made_for != targets.distance) {
             let texture = wgpu::BindingResource::TextureView;
             let hits =
@@ -401,6 +447,16 @@ impl FrameRenderer {
             self.seed_stats = counted.or(self.seed_stats);
         }
         self.seed_stats.map(|stats| SeedStats { draw_calls: self.tree_draws, ..stats })
+    }
+
+    /// Undergrowth of the last frame whose counts have come back; `None` where it had none.
+    pub fn undergrowth_stats(&mut self, gpu: &GpuContext) -> Option<UndergrowthStats> {
+        self.undergrowth.stats(gpu)
+    }
+
+    /// The pass that selects undergrowth, if there ever was any.
+    pub fn select_undergrowth(&self) -> Option<&SelectUndergrowth> {
+        self.undergrowth.selection()
     }
 
     /// The pass that selects trees, if any were ever looked at.
@@ -493,6 +549,8 @@ impl FrameRenderer {
             ("shade", self.shade.is_some()),
             ("select_trees", self.select_trees.is_some()),
             ("trees", self.trees.is_some()),
+            ("select_undergrowth", self.undergrowth.selection().is_some()),
+            ("undergrowth", self.undergrowth.is_compiled()),
             ("distance_pyramid", self.load_map.is_some()),
             ("load_map", self.load_map.is_some()),
         ];
@@ -510,46 +568,4 @@ impl FrameRenderer {
             timer.clear();
         }
     }
-}
-
-/// Whether a flag of a view is set.
-fn has(view: &View, flag: u32) -> bool {
-    view.flags & flag != 0
-}
-
-fn shade_variant(
-    format: wgpu::TextureFormat,
-    arrays: &TileArrays,
-    view: &View,
-    tables: &Tables,
-) -> ShadeVariant {
-    ShadeVariant {
-        format,
-        photo: !tables.pages.is_empty(),
-        surface: arrays.surface.side() > 1,
-        shadows: view.shadow_steps > 0,
-        season: has(view, FLAG_SEASON),
-        wind: has(view, FLAG_WIND),
-        clouds: has(view, FLAG_CLOUDS),
-        trees: false,
-    }
-}
-
-fn hits_group(device: &wgpu::Device, layout: &wgpu::BindGroupLayout, targets: &Targets) -> wgpu::BindGroup {
-    let views = [&targets.distance_view, &targets.hit_view];
-    bind(device, "hits", layout, views.map(wgpu::BindingResource::TextureView))
-}
-
-fn bind<const N: usize>(
-    device: &wgpu::Device,
-    label: &str,
-    layout: &wgpu::BindGroupLayout,
-    resources: [wgpu::BindingResource<'_>; N],
-) -> wgpu::BindGroup {
-    let entries: Vec<wgpu::BindGroupEntry<'_>> = resources
-        .into_iter()
-        .enumerate()
-        .map(|(binding, resource)| wgpu::BindGroupEntry { binding: binding as u32, resource })
-        .collect();
-    device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some(label), layout, entries: &entries })
 }

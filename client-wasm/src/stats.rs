@@ -37,6 +37,9 @@ pub struct Stats {
     /// Seeds of the last frame; absent where no trees are drawn one by one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub seeds: Option<SeedStats>,
+    /// Undergrowth of the last frame; absent where it has none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub undergrowth: Option<UndergrowthStats>,
     /// GPU memory of the tiles.
     pub memory: MemoryStats,
     /// Whether slots ran out before every tile was as fine as the view allows.
@@ -85,6 +88,19 @@ pub struct SeedStats {
     pub selected: u64,
     /// Draw calls that they take: one a species and level at most.
     pub draw_calls: u32,
+}
+
+/// Undergrowth of a frame, as its counts were last read back.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct UndergrowthStats {
+    /// Metaseeds that grow anything in the picture.
+    pub metaseeds: u64,
+    /// Plants, stones and dead wood.
+    pub plants: u64,
+    /// Draw calls that they take: one a kind, two of grass.
+    pub draw_calls: u32,
+    /// GPU memory, bytes.
+    pub bytes: u64,
 }
 
 #[cfg(test)]

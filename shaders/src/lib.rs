@@ -11,6 +11,7 @@ pub mod load_map;
 pub mod season;
 pub mod trees;
 pub mod twin;
+pub mod undergrowth;
 pub mod weather;
 
 /// The passes, each named as its file in `wgsl/`.
@@ -41,11 +42,15 @@ pub enum Pass {
     ShadeTrees,
     /// The trees that [`Pass::SelectTrees`] chose.
     Trees,
+    /// Compute: plants and stones near the eye ([`undergrowth`]), sorted by kind.
+    SelectUndergrowth,
+    /// The plants that [`Pass::SelectUndergrowth`] chose.
+    Undergrowth,
 }
 
 impl Pass {
     /// All passes.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 14] = [
         Self::MaximumMip,
         Self::CompressPhotoBc7,
         Self::CompressPhotoAstc,
@@ -58,6 +63,8 @@ impl Pass {
         Self::Shade,
         Self::ShadeTrees,
         Self::Trees,
+        Self::SelectUndergrowth,
+        Self::Undergrowth,
     ];
 
     /// The pass's modules in the order in which they are put together.
@@ -174,6 +181,33 @@ impl Pass {
                 WEATHER,
                 include_str!("../wgsl/trees.wgsl"),
             ],
+            Self::SelectUndergrowth => &[
+                LAYOUT,
+                FRAME_BINDINGS,
+                SKY,
+                PHOTO,
+                SHADOW,
+                include_str!("../wgsl/material.wgsl"),
+                LIGHTING,
+                SEEDS,
+                METASEEDS,
+                PLACE_FROM_EYE,
+                UNDERGROWTH_LAYOUT,
+                LEAF_AT,
+                SEASON,
+                WEATHER,
+                include_str!("../wgsl/select_undergrowth.wgsl"),
+                include_str!("../wgsl/undergrowth_lights.wgsl"),
+            ],
+            Self::Undergrowth => &[
+                LAYOUT,
+                FRAME_BINDINGS,
+                SKY,
+                LIGHTING,
+                UNDERGROWTH_LAYOUT,
+                WEATHER,
+                include_str!("../wgsl/undergrowth.wgsl"),
+            ],
         }
     }
 }
@@ -198,6 +232,11 @@ pub const LOAD_MAP: &str = include_str!("../wgsl/load_map.wgsl");
 pub const PLACE_FROM_EYE: &str = include_str!("../wgsl/load_map_place.wgsl");
 /// The structs of [`trees`].
 pub const TREE_LAYOUT: &str = include_str!("../wgsl/tree_layout.wgsl");
+/// Where the undergrowth's clusters stand and what is in them, as `treeline_core::seeds::metaseed` has it; needs
+/// [`SEEDS`], and the pass's table of themes.
+pub const METASEEDS: &str = include_str!("../wgsl/metaseeds.wgsl");
+/// The structs of [`undergrowth`].
+pub const UNDERGROWTH_LAYOUT: &str = include_str!("../wgsl/undergrowth_layout.wgsl");
 /// The leaf at a place; needs [`PHOTO`] for the root grid.
 pub const LEAF_AT: &str = include_str!("../wgsl/leaf_at.wgsl");
 /// Where the pyramid of distances keeps what.

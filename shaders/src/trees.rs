@@ -164,8 +164,8 @@ pub struct TreeCells {
     pub first: [u32; 2],
     /// Trees are drawn up to this distance, metres.
     pub range: f32,
-    /// Zero.
-    pub padding: u32,
+    /// Nearer than this the ground has the grain that undergrowth stands on, metres; 0 without undergrowth.
+    pub turf: f32,
     /// A bit a cell, row by row.
     pub bits: [[u32; 4]; (WINDOW_CELLS * WINDOW_CELLS / 128) as usize],
 }

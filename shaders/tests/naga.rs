@@ -6,6 +6,9 @@ use treeline_shaders::layout::{Leaf, Sheet, TexturePage, View};
 use treeline_shaders::load_map::{LoadMapFrame, LoadMapLevel};
 use treeline_shaders::season::SeasonRow;
 use treeline_shaders::trees::{Draw, SeedCell, SeedFrame, SeedSpecies, TreeCells, TreeDraw, TreeInstance};
+use treeline_shaders::undergrowth::{
+    IndexedDraw, Plant, PlantDraw, PlantLight, UndergrowthBlock, UndergrowthDraws, UndergrowthFrame,
+};
 use treeline_shaders::{Pass, source};
 
 fn parsed(pass: Pass) -> Module {
@@ -85,11 +88,27 @@ fn trees_are_laid_out_alike_on_both_sides() {
 
 #[test]
 fn what_draws_trees_is_laid_out_alike_on_both_sides() {
-    compare(&parsed(Pass::ShadeTrees), [layout_of!(TreeCells: first, range, padding, bits)]);
+    compare(&parsed(Pass::ShadeTrees), [layout_of!(TreeCells: first, range, turf, bits)]);
     compare(&parsed(Pass::Trees), [layout_of!(TreeDraw: model, foliage)]);
     for pass in [Pass::Shade, Pass::ShadeTrees, Pass::SelectTrees] {
         compare(&parsed(pass), [layout_of!(SeasonRow: out_turn, fall, turned, bare)]);
     }
+}
+
+#[test]
+fn the_undergrowth_is_laid_out_alike_on_both_sides() {
+    compare(
+        &parsed(Pass::SelectUndergrowth),
+        [
+            layout_of!(UndergrowthBlock: cell, offset, first, columns, padding),
+            layout_of!(UndergrowthFrame: eye, sides, eye_fraction, range, canopy_gone, blocks, padding, more_padding),
+            layout_of!(Plant: foot_size, look, seed, place, size, colour, ground, padding),
+            layout_of!(PlantLight: sun, sky, air),
+            layout_of!(UndergrowthDraws: draws, light),
+            layout_of!(IndexedDraw: index_count, instance_count, first_index, base_vertex, first_instance),
+        ],
+    );
+    compare(&parsed(Pass::Undergrowth), [layout_of!(PlantDraw: model)]);
 }
 
 #[test]

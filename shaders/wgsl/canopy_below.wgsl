@@ -16,7 +16,8 @@ struct TreeCells {
     first: vec2<u32>,
     // Trees are drawn up to this distance, metres.
     range: f32,
-    padding: u32,
+    // Nearer than this the ground has its grain, metres; 0 without undergrowth.
+    turf: f32,
     // A bit a cell, 64 × 64 of them, row by row.
     bits: array<vec4<u32>, 32>,
 }

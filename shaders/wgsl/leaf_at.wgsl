@@ -1,3 +1,12 @@
+// Grid coordinates of a place in units (`core::seeds::place`).
+fn grid_of_place(place: vec2<u32>) -> vec2<u32> {
+    let apart = place - view.grid_place;
+    if view.root_level >= 5u {
+        return apart << vec2<u32>(view.root_level - 5u);
+    }
+    return apart >> vec2<u32>(5u - view.root_level);
+}
+
 // Index of the leaf at grid coordinates, or EMPTY.
 fn leaf_index_at(unit: vec2<u32>) -> u32 {
     var entry = root_entry(unit);

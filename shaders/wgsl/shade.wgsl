@@ -13,6 +13,9 @@ override WITH_CLOUDS: bool = false;
 // Set where the target's format does not encode sRGB itself.
 override ENCODE_SRGB: bool = false;
 
+// Nearer than this the ground has the grain that undergrowth stands on, metres; 0 where there is none.
+var<private> turf_metres: f32 = 0.0;
+
 @group(1) @binding(0) var distance_texture: texture_2d<f32>;
 @group(1) @binding(1) var hit_texture: texture_2d<u32>;
 
@@ -89,6 +92,14 @@ fn pixel_dither(position: vec2<f32>) -> f32 {
     return fract(52.9829189 * fract(dot(shifted, vec2<f32>(0.06711056, 0.00583715))));
 }
 
+// Light and dark of what is too small to be grown: stalks, leaves and earth, a hand wide and smaller.
+fn turf_grain(ground: Ground, footprint: f32, distance: f32) -> f32 {
+    let fades = 1.0 - smoothstep(0.4, 1.0, distance / turf_metres);
+    let grain = (0.20 * metric_noise(ground, 0.35, footprint, 21u)) + (0.26 * metric_noise(ground, 0.11, footprint, 22u))
+        + (0.24 * metric_noise(ground, 0.04, footprint, 23u));
+    return 1.0 + (fades * grain);
+}
+
 fn shaded_ground(direction: vec3<f32>, distance: f32, hit: vec4<u32>, dither: f32) -> vec3<f32> {
     let index = hit.x;
     let cell = vec2<f32>(bitcast<f32>(hit.y), bitcast<f32>(hit.z));
@@ -132,6 +143,9 @@ fn shaded_ground(direction: vec3<f32>, distance: f32, hit: vec4<u32>, dither: f3
     let coarse = metric_noise(ground, 9.0, footprint, 13u);
     let detail = 1.0 + 0.10 * fine + 0.07 * coarse;
     base *= detail;
+    if distance < turf_metres {
+        base *= turf_grain(ground, footprint, distance);
+    }
 
     let sun_cosine = dot(up, view.sun.xyz);
     var lit = Lit(normal, up, direction, vec3<f32>(0.0), sky_ambient(sun_cosine), 0.0, 1.0);

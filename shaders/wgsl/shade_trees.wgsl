@@ -62,6 +62,13 @@ fn forest_floor(direction: vec3<f32>, below: Below, dither: f32) -> vec3<f32> {
     let wooded = wood.x;
     let litter = mix(base, vec3<f32>(0.085, 0.07, 0.042), 0.45 * wooded * (0.6 + 0.4 * patches));
     base = litter * (1.0 + 0.16 * fine + 0.1 * patches);
+    if below.distance < turf_metres {
+        // Needles and moss in turns, close by.
+        let moss = saturate(0.5 + (0.9 * metric_noise(ground, 0.25, footprint, 44u)));
+        let close_by = wooded * (1.0 - smoothstep(0.4, 1.0, below.distance / turf_metres));
+        base *= mix(vec3<f32>(1.0), mix(vec3<f32>(1.18, 0.96, 0.72), vec3<f32>(0.86, 1.06, 0.8), moss), 0.7 * close_by);
+        base *= turf_grain(ground, footprint, below.distance);
+    }
     var bare = 0.0;
     if WITH_SEASON {
         let canopy = seasonal_canopy(below.cell, slot, height, base);
@@ -97,6 +104,7 @@ fn forest_floor(direction: vec3<f32>, below: Below, dither: f32) -> vec3<f32> {
 
 @fragment
 fn shade_with_trees(@builtin(position) position: vec4<f32>) -> ShadedWithDepth {
+    turf_metres = tree_cells.turf;
     let pixel = vec2<i32>(position.xy);
     let direction = pixel_direction(position.xy);
     let distance = textureLoad(distance_texture, pixel, 0).x;

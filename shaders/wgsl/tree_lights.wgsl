@@ -13,15 +13,6 @@ struct TreeLights {
 // Width of ground whose photo says what colour a tree has, metres.
 const TREE_PHOTO_METRES: f32 = 5.0;
 
-// Grid coordinates of a place in units (`core::seeds::place`).
-fn grid_of_place(place: vec2<u32>) -> vec2<u32> {
-    let apart = place - view.grid_place;
-    if view.root_level >= 5u {
-        return apart << vec2<u32>(view.root_level - 5u);
-    }
-    return apart >> vec2<u32>(5u - view.root_level);
-}
-
 fn lights_of(cell: SeedCell, tree: SeedTree, placed: PlacedTree, away: f32) -> TreeLights {
     let unit = grid_of_place((cell.cell << vec2<u32>(SEED_CELL_BITS)) + tree.units);
     let index = leaf_index_at(unit);

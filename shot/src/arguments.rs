@@ -9,6 +9,7 @@ use treeline_client::passes::compress_photo::PhotoCompression;
 use treeline_client::stream::SurfaceChoice;
 use treeline_client::stream::tile_choice::TileChoice;
 use treeline_client::stream::tree_field::FARTHEST_METRES;
+use treeline_client::stream::undergrowth::FARTHEST_UNDERGROWTH_METRES;
 use treeline_core::seeds::season::NamedSeason;
 use treeline_core::sun::unix_seconds_from_rfc3339;
 use treeline_server::cli::SceneArguments;
@@ -86,6 +87,10 @@ pub struct Arguments {
     /// adapters that run on the processor 400]
     #[arg(long, value_name = "METRES", allow_hyphen_values = true, value_parser = distance)]
     pub tree_distance: Option<f64>,
+    /// Up to which distance grass, flowers, ferns, stones and dead wood are drawn, metres, 120 at most; 0 for none.
+    /// [default: 80, on adapters that run on the processor 60]
+    #[arg(long, value_name = "METRES", allow_hyphen_values = true, value_parser = undergrowth)]
+    pub undergrowth: Option<f64>,
     /// What chooses the tiles.
     #[arg(long, value_name = "NAME", default_value = "load-map", value_parser = tile_choice)]
     pub tile_choice: TileChoice,
@@ -234,8 +239,11 @@ fn metres(text: &str) -> Result<f64, String> {
 
 /// A length, or none.
 fn distance(text: &str) -> Result<f64, String> {
-    let number = text.trim().parse::<f64>().ok().filter(|number| (0.0..=FARTHEST_METRES).contains(number));
-    number.ok_or_else(|| format!("it must be a length in metres, 0 to {FARTHEST_METRES}"))
+    between(text, [0.0, FARTHEST_METRES], "a length in metres")
+}
+
+fn undergrowth(text: &str) -> Result<f64, String> {
+    between(text, [0.0, FARTHEST_UNDERGROWTH_METRES], "a length in metres")
 }
 
 /// A number between two ends, both included.
@@ -355,6 +363,7 @@ mod tests {
             ("shot --size -6x5 --color o.png", "--size"),
             ("shot --size 6x5 --color o.png --repeat 0", "1 to 10000"),
             ("shot --size 6x5 --color o.png --tree-distance -1", "0 to 1400"),
+            ("shot --size 6x5 --color o.png --undergrowth 500", "0 to 120"),
             ("shot --size 6x5 --color o.png --steps -1", "--steps"),
             ("shot --size 6x5 --color o.png --wind 90", "0 to 20"),
             ("shot --size 6x5 --color o.png --clouds nan", "0 to 1"),

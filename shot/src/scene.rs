@@ -42,6 +42,7 @@ pub fn shoot(arguments: &Arguments) -> Result<(), ShotError> {
         },
         photo_compression: arguments.photo_tiles,
         tree_metres: arguments.tree_distance,
+        undergrowth_metres: arguments.undergrowth,
         uploads_per_step: usize::MAX,
         count_fetches: arguments.stats.is_some(),
         ..EngineOptions::default()

@@ -206,6 +206,7 @@ impl<'a> Flyer<'a> {
         let options = EngineOptions {
             stream,
             tree_metres: Some(1_000.0),
+            undergrowth_metres: Some(0.0),
             uploads_per_step: usize::MAX,
             hand_over,
             ..EngineOptions::default()

@@ -15,6 +15,10 @@ pub const DEFAULT_SHADOW_STEPS: u32 = 30;
 /// an adapter that runs on the processor.
 pub const DEFAULT_TREE_METRES: [f64; 2] = [1_000.0, 400.0];
 
+/// Up to which distance undergrowth is drawn where the host says nothing, metres: on a graphics card, and on an adapter
+/// that runs on the processor.
+pub const DEFAULT_UNDERGROWTH_METRES: [f64; 2] = [80.0, 60.0];
+
 /// What the engine is made with.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EngineOptions {
@@ -24,6 +28,8 @@ pub struct EngineOptions {
     pub photo_compression: PhotoCompression,
     /// Up to which distance trees are drawn one by one, metres; 0 for none. [`DEFAULT_TREE_METRES`] where `None`.
     pub tree_metres: Option<f64>,
+    /// Up to which distance undergrowth is drawn, metres; 0 for none. [`DEFAULT_UNDERGROWTH_METRES`] where `None`.
+    pub undergrowth_metres: Option<f64>,
     /// Tiles uploaded in one step at most: more would make a frame late.
     pub uploads_per_step: usize,
     /// Count texel fetches per ray.
@@ -48,6 +54,7 @@ impl Default for EngineOptions {
             stream: StreamOptions::default(),
             photo_compression: PhotoCompression::default(),
             tree_metres: None,
+            undergrowth_metres: None,
             uploads_per_step: 6,
             count_fetches: false,
             hand_over: HandOver::default(),

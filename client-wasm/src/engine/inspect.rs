@@ -125,6 +125,7 @@ impl Engine {
             frames: self.frames,
             survey: self.survey_stats(),
             seeds: self.renderer.seed_stats(&self.gpu),
+            undergrowth: self.renderer.undergrowth_stats(&self.gpu),
             memory: MemoryStats {
                 budget_bytes: self.stream.slots().budget_bytes,
                 used_bytes: self.stream.used_bytes(),

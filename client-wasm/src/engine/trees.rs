@@ -2,8 +2,10 @@
 
 use super::{Engine, Payload, Resource, TileRequest, Weather};
 use crate::passes::select_trees::SelectTrees;
+use crate::passes::select_undergrowth::SelectUndergrowth;
 use crate::stream::requests::{Failure, FetchFailure, RequestId};
 use crate::stream::tree_field::{SeedFrameCells, TreeField};
+use crate::stream::undergrowth::UndergrowthBlocks;
 use treeline_shaders::layout::View;
 
 impl Engine {
@@ -70,7 +72,18 @@ impl Engine {
     pub fn stirs(&self, weather: &Weather) -> bool {
         let Some(drawn) = self.drawn.as_ref().filter(|_| weather.wind > 0.0) else { return false };
         let leaves = &drawn.tables.leaves;
-        leaves.iter().any(|leaf| weather.clouds > 0.0 || self.wooded.contains(&leaf.slot))
+        drawn.undergrowth.is_some()
+            || leaves.iter().any(|leaf| weather.clouds > 0.0 || self.wooded.contains(&leaf.slot))
+    }
+
+    /// What the last frame's undergrowth was selected from; `None` where there was none.
+    pub fn drawn_undergrowth(&self) -> Option<&UndergrowthBlocks> {
+        self.drawn.as_ref().and_then(|drawn| drawn.undergrowth.as_ref())
+    }
+
+    /// The pass that selects undergrowth, if there ever was any.
+    pub fn select_undergrowth(&self) -> Option<&SelectUndergrowth> {
+        self.renderer.select_undergrowth()
     }
 
     /// The pass that selects trees, if any were ever looked at.

@@ -2,6 +2,7 @@
 
 pub mod context;
 pub mod frame_buffers;
+pub mod plant_models;
 pub mod read_back_belt;
 pub mod targets;
 pub mod tile_arrays;

@@ -1,7 +1,8 @@
 //! The engine without a browser: for `treeline-shot` and for tests.
 //!
 //! [`adapter`] opens a device, [`fetch`] gets tiles, [`session`] settles a view and draws it,
-//! [`capture`] reads pictures back, [`trees`] the trees drawn one by one.
+//! [`capture`] reads pictures back, [`trees`] the trees drawn one by one, [`undergrowth`] what
+//! grows below them.
 
 pub mod adapter;
 pub mod capture;
@@ -11,6 +12,7 @@ pub mod session;
 #[cfg(test)]
 mod tests;
 pub mod trees;
+pub mod undergrowth;
 
 pub use adapter::{AdapterChoice, open};
 pub use capture::Capture;

@@ -94,7 +94,10 @@ pub fn drawn_depths(engine: &Engine) -> Result<Option<Vec<f32>>, HeadlessError> 
 }
 
 /// All of a buffer. Waits for the GPU.
-fn read_buffer<T: bytemuck::Pod>(gpu: &GpuContext, source: &wgpu::Buffer) -> Result<Vec<T>, HeadlessError> {
+pub(super) fn read_buffer<T: bytemuck::Pod>(
+    gpu: &GpuContext,
+    source: &wgpu::Buffer,
+) -> Result<Vec<T>, HeadlessError> {
     let staging = gpu.device.create_buffer(&wgpu::BufferDescriptor {
         label: Some("read back"),
         size: source.size(),

@@ -5,10 +5,12 @@ pub mod distance_pyramid;
 pub mod load_map;
 pub mod maximum_mip;
 pub mod select_trees;
+pub mod select_undergrowth;
 pub mod shade;
 pub mod terrain;
 pub mod timing;
 pub mod trees;
+pub mod undergrowth;
 
 /// Bind group 0 of every pass that looks at the scene (docs/ARCHITECTURE.md).
 pub fn frame_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {

@@ -10,7 +10,7 @@ use treeline_shaders::{Pass, source};
 pub const DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 
 /// Hosts without a page may read the depths back; nothing else needs them any more.
-const KEEPS_DEPTHS: wgpu::StoreOp =
+pub(super) const KEEPS_DEPTHS: wgpu::StoreOp =
     if cfg!(target_arch = "wasm32") { wgpu::StoreOp::Discard } else { wgpu::StoreOp::Store };
 
 /// What the pipeline is specialised for.

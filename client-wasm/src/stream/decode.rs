@@ -16,6 +16,8 @@ pub const TEXTURE_SIDE: u32 = CELLS + 8;
 /// Blocks along a side of the CPU's summaries.
 const BLOCKS: u32 = CELLS / MAXIMA_BLOCK_CELLS;
 const BORDER: u32 = 1;
+/// Unit of canopy heights on the wire and in the surface texture.
+const CANOPY_METRES: f32 = 0.25;
 
 /// A decoded elevation tile.
 #[derive(Clone, Debug)]
@@ -45,6 +47,8 @@ pub struct ElevationSummary {
     deep_maxima: Vec<f32>,
     /// Least height of the tile's own surface, metres.
     minimum: f32,
+    /// 64 × 64: least and greatest height of the ground below the canopy in each block, metres; empty for bare terrain.
+    ground: Vec<[f32; 2]>,
 }
 
 impl ElevationSummary {
@@ -87,7 +91,16 @@ impl ElevationSummary {
             own_maxima: vec![maximum; blocks],
             deep_maxima: vec![maximum; blocks],
             minimum,
+            ground: Vec::new(),
         }
+    }
+
+    /// Between which heights the ground below the canopy lies in the block of 8 × 8 cells at (u, v) in cells, metres;
+    /// `None` where there is none, or where the tile does not tell ground and canopy apart.
+    pub fn ground_between(&self, u: f64, v: f64) -> Option<[f32; 2]> {
+        let block = |cell: f64| ((cell / f64::from(MAXIMA_BLOCK_CELLS)) as usize).min(BLOCKS as usize - 1);
+        let bounds = self.ground.get(block(v) * BLOCKS as usize + block(u))?;
+        (bounds[0] <= bounds[1]).then_some(*bounds)
     }
 
     /// Height by the bilinear patch at (u, v) in cells from the tile's north-west node; `None` in a void.
@@ -195,20 +208,46 @@ pub fn elevation(bytes: &[u8], address: TileAddress) -> Result<ElevationPixels, 
         }
         pairs
     });
-    Ok(ElevationPixels { surface, summary: ElevationSummary { heights, own_maxima, deep_maxima, minimum } })
+    let ground = surface.as_deref().map_or_else(Vec::new, |surface| ground_bounds(&heights, surface));
+    let summary = ElevationSummary { heights, own_maxima, deep_maxima, minimum, ground };
+    Ok(ElevationPixels { surface, summary })
+}
+
+/// Least and greatest height without the canopy of each block; the first above the second where there is none.
+fn ground_bounds(heights: &[f32], surface: &[u8]) -> Vec<[f32; 2]> {
+    let mut bounds = vec![[f32::INFINITY, f32::NEG_INFINITY]; (BLOCKS * BLOCKS) as usize];
+    for (index, bounds) in bounds.iter_mut().enumerate() {
+        for row in block_nodes(index) {
+            for (&height, pair) in
+                heights[row.clone()].iter().zip(surface[2 * row.start..].as_chunks::<2>().0)
+            {
+                if height > VOID_HEIGHT {
+                    let ground = height - f32::from(pair[1]) * CANOPY_METRES;
+                    *bounds = [bounds[0].min(ground), bounds[1].max(ground)];
+                }
+            }
+        }
+    }
+    bounds
+}
+
+/// The nodes of a block with its edges, row by row.
+fn block_nodes(index: usize) -> impl Iterator<Item = std::ops::Range<usize>> {
+    let (side, block) = (ELEVATION_SIDE as usize, MAXIMA_BLOCK_CELLS as usize);
+    let (x, y) = (index % BLOCKS as usize * block, index / BLOCKS as usize * block);
+    (y..=y + block).map(move |row| {
+        let start = (row + BORDER as usize) * side + x + BORDER as usize;
+        start..start + block + 1
+    })
 }
 
 /// Block maxima and the least height of the nodes of the tile itself, border left out.
 fn summarise(heights: &[f32]) -> (Vec<f32>, f32) {
-    let side = ELEVATION_SIDE as usize;
-    let block = MAXIMA_BLOCK_CELLS as usize;
     let mut maxima = vec![f32::NEG_INFINITY; (BLOCKS * BLOCKS) as usize];
     let mut minimum = f32::INFINITY;
     for (index, maximum) in maxima.iter_mut().enumerate() {
-        let (x, y) = (index % BLOCKS as usize * block, index / BLOCKS as usize * block);
-        for row in y..=y + block {
-            let start = (row + BORDER as usize) * side + x + BORDER as usize;
-            for &height in &heights[start..=start + block] {
+        for row in block_nodes(index) {
+            for &height in &heights[row] {
                 if height > VOID_HEIGHT {
                     *maximum = maximum.max(height);
                     minimum = minimum.min(height);

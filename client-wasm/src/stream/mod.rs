@@ -19,6 +19,7 @@ pub mod root_grid;
 pub mod tile_choice;
 pub mod tree_field;
 mod turns;
+pub mod undergrowth;
 pub mod view;
 
 #[cfg(test)]
@@ -41,6 +42,7 @@ use treeline_core::layer::Layer;
 use treeline_core::scene::SceneDescription;
 use treeline_core::tile::{GeographicBox, TileAddress};
 use turns::Turns;
+use undergrowth::{UndergrowthBlocks, UndergrowthField};
 use view::ViewGeometry;
 
 /// Which elevation is drawn.
@@ -71,6 +73,8 @@ pub struct StreamOptions {
     pub texel_pixels: f64,
     /// Trees are drawn one by one up to this distance, metres, where any grow; 0 for none.
     pub tree_range_metres: f64,
+    /// Undergrowth is drawn up to this distance, metres, where there is land cover; 0 for none.
+    pub undergrowth_metres: f64,
     /// Requests under way at most.
     pub requests_in_flight: usize,
     /// How long a tile fades in, seconds; 0 for not at all.
@@ -87,6 +91,7 @@ impl Default for StreamOptions {
             cell_pixels: 1.42,
             texel_pixels: 1.42,
             tree_range_metres: 0.0,
+            undergrowth_metres: 0.0,
             requests_in_flight: 8,
             fade_seconds: 0.3,
         }
@@ -124,6 +129,8 @@ pub struct Stream {
     texture: Option<LayerStream>,
     /// What grows about the eye, where trees are drawn one by one.
     land_cover: Option<(TreeField, LayerStream)>,
+    /// What grows on the ground near it.
+    undergrowth: Option<UndergrowthField>,
     map: Option<MapChoice>,
     slots: Slots,
     summaries: HashMap<TileAddress, ElevationSummary>,
@@ -177,6 +184,7 @@ impl Stream {
         let least = |base: usize| (base.min(PINNED_TEXTURES) + SPARE_SLOTS) as u32;
         let least = (least(base.len()), photo_base.as_ref().map(|base| least(base.len())));
         let field = TreeField::new(scene, options.tree_range_metres).filter(|_| parts.surface);
+        let undergrowth = UndergrowthField::new(scene, options.undergrowth_metres).filter(|_| parts.surface);
         let cover_slots = field.as_ref().map_or((0, 0), |field| (field.slots(), field.slot_bytes()));
         let slots = Slots::of_budget(
             options.memory_budget_bytes,
@@ -243,6 +251,7 @@ impl Stream {
             elevation,
             texture,
             land_cover,
+            undergrowth,
             map,
             slots,
             summaries: HashMap::new(),
@@ -457,14 +466,42 @@ impl Stream {
     /// Height of the drawn surface at a place (degrees) from the finest resident tile, metres; `None`
     /// outside the scene, in a void or before anything has come.
     pub fn ground_height(&self, longitude: f64, latitude: f64) -> Option<f64> {
+        self.find_ground(longitude, latitude, ElevationSummary::height)
+    }
+
+    /// Between which heights the ground below the canopy lies about a place (degrees), by the finest resident tile,
+    /// metres; `None` as of [`Self::ground_height`], and where nothing grows.
+    pub fn ground_between(&self, longitude: f64, latitude: f64) -> Option<[f32; 2]> {
+        self.find_ground(longitude, latitude, ElevationSummary::ground_between)
+    }
+
+    /// What the finest resident tile that knows says of a place: it is asked in cells from its north-west node.
+    fn find_ground<T>(
+        &self,
+        longitude: f64,
+        latitude: f64,
+        ask: impl Fn(&ElevationSummary, f64, f64) -> Option<T>,
+    ) -> Option<T> {
         (0..=self.elevation.maximum_level).rev().find_map(|level| {
             let tile = TileAddress::at(level, longitude, latitude);
             let summary = self.summaries.get(&tile)?;
             let bounds = tile.bounds();
             let cells = f64::from(treeline_core::tile::CELLS) / (bounds.east - bounds.west);
             let longitude = (longitude - bounds.west).rem_euclid(360.0);
-            summary.height(longitude * cells, (bounds.north - latitude) * cells)
+            ask(summary, longitude * cells, (bounds.north - latitude) * cells)
         })
+    }
+
+    /// The undergrowth that a frame looks at; `None` where there is none near, or the eye is higher over the ground than
+    /// it reaches.
+    pub fn undergrowth_blocks(&self, view: &ViewGeometry) -> Option<UndergrowthBlocks> {
+        let field = self.undergrowth.as_ref()?;
+        let place = view.eye;
+        let [_, highest] = self.ground_between(place.longitude, place.latitude)?;
+        if place.height - f64::from(highest) > field.range() {
+            return None;
+        }
+        field.blocks_in_sight(view, |longitude, latitude| self.ground_between(longitude, latitude))
     }
 
     /// Whether a tile of the photo is here, or the scene has none.

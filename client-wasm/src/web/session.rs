@@ -9,6 +9,7 @@ use crate::engine::{
 use crate::stream::requests::RequestId;
 use crate::stream::tile_choice::TileChoice;
 use crate::stream::tree_field::FARTHEST_METRES;
+use crate::stream::undergrowth::FARTHEST_UNDERGROWTH_METRES;
 use std::collections::HashMap;
 use treeline_core::camera::GeographicCamera;
 use treeline_core::scene::SceneDescription;
@@ -32,7 +33,8 @@ impl Session {
     pub fn new(graphics: Graphics, scene: &SceneDescription, number: u32) -> Result<Self, Failure> {
         let mut options = EngineOptions::default();
         options.stream.tile_choice = tile_choice();
-        options.tree_metres = tree_metres();
+        options.tree_metres = metres("trees", FARTHEST_METRES);
+        options.undergrowth_metres = metres("undergrowth", FARTHEST_UNDERGROWTH_METRES);
         if graphics.is_software() {
             // Fading in would be ten more frames, each of them slow.
             options.stream.fade_seconds = 0.0;
@@ -96,12 +98,12 @@ pub(super) fn parameter(name: &str) -> Option<String> {
     pairs.find(|(known, _)| *known == name).map(|(_, value)| value.to_owned())
 }
 
-/// Up to which distance trees are drawn one by one: `?trees=` and metres, 0 for none.
-fn tree_metres() -> Option<f64> {
-    let text = parameter("trees")?;
-    let metres = text.parse::<f64>().ok().filter(|metres| (0.0..=FARTHEST_METRES).contains(metres));
+/// A length in the page's address, metres, 0 for none: of trees that are drawn one by one, or of undergrowth.
+fn metres(name: &str, most: f64) -> Option<f64> {
+    let text = parameter(name)?;
+    let metres = text.parse::<f64>().ok().filter(|metres| (0.0..=most).contains(metres));
     if metres.is_none() {
-        let line = format!("?trees={text}: it must be a length in metres, 0 to {FARTHEST_METRES}");
+        let line = format!("?{name}={text}: it must be a length in metres, 0 to {most}");
         web_sys::console::warn_1(&line.into());
     }
     metres

@@ -83,13 +83,18 @@ pub struct Candidate {
 /// It stands in the middle three quarters of its sub-cell's height and width, and every other row is
 /// shifted by a quarter of the width: two candidates are never closer than a quarter of a sub-cell.
 pub fn candidate(pattern: u8, columns: u32, i: u32, j: u32) -> Candidate {
+    candidate_of(pattern, [columns, ROWS], i, j)
+}
+
+/// The same of a cell that is cut into other columns and rows, 96 of each at most.
+pub fn candidate_of(pattern: u8, [columns, rows]: [u32; 2], i: u32, j: u32) -> Candidate {
     let pattern = u32::from(pattern);
     let bits = hash(i, j, pattern);
     let [u, v] = jittered(bits, i, j);
     let more = mix(bits ^ 0xa511_e9b3);
     Candidate {
         x: (u << 2) / columns,
-        y: (v << 2) / ROWS,
+        y: (v << 2) / rows,
         rank: rank(pattern, i, j, more & 0x3ff),
         size: (bits >> 24) as u8,
         rotation: (more >> 24) as u8,

@@ -43,7 +43,7 @@ use geometry::Pictures;
 use glam::Vec3;
 use growth::Form;
 use packing::Packer;
-use random::Random;
+pub(crate) use random::Random;
 use sprite::Picture;
 
 /// Different trees of a species: no two neighbours need be twins.

@@ -55,7 +55,7 @@ pub struct Ground {
     pub node_error: f32,
 }
 
-fn ground_leaf<T: Texels>(world: &World<'_, T>, index: u32) -> GroundLeaf {
+pub(crate) fn ground_leaf<T: Texels>(world: &World<'_, T>, index: u32) -> GroundLeaf {
     let leaf = &world.leaves[index as usize];
     GroundLeaf {
         origin: UVec2::from(leaf.grid_origin),
@@ -118,7 +118,7 @@ fn moved(place: MapPlace, by: Vec2) -> MapPlace {
     MapPlace { unit, fraction: sum - whole }
 }
 
-fn cell_in(leaf: &GroundLeaf, place: MapPlace) -> Vec2 {
+pub(crate) fn cell_in(leaf: &GroundLeaf, place: MapPlace) -> Vec2 {
     let within = IVec2::new(
         place.unit.x.wrapping_sub(leaf.origin.x) as i32,
         place.unit.y.wrapping_sub(leaf.origin.y) as i32,
@@ -131,7 +131,7 @@ fn covers(leaf: &GroundLeaf, place: MapPlace) -> bool {
         && place.unit.y.wrapping_sub(leaf.origin.y) < leaf.side
 }
 
-fn node_height<T: Texels>(world: &World<'_, T>, node: IVec2, slot: u32) -> f32 {
+pub(crate) fn node_height<T: Texels>(world: &World<'_, T>, node: IVec2, slot: u32) -> f32 {
     world.texels.height(slot, node.x + 1, node.y + 1)
 }
 
