@@ -244,6 +244,7 @@ export class Panel {
       rows.push(["Load maps", stats.survey.made], ["Load map read after", `${stats.survey.latency_milliseconds.toFixed(0)} ms`]);
       if (stats.survey.threshold > 1) rows.push(["Coarser, for lack of memory", `${stats.survey.threshold.toFixed(1)} ×`]);
     }
+    if (stats.undergrowth) rows.push(["Plants near by", stats.undergrowth.plants]);
     if (stats.memory) rows.push(["Tiles in graphics memory", `${bytes(stats.memory.used_bytes)} of ${bytes(stats.memory.budget_bytes)}`]);
     fill(element("stats"), rows);
     drawPlan(element("load-map"), this.#map.load_map(), camera);

@@ -8,7 +8,7 @@ override WITH_WIND: bool = false;
 // Distance that a depth of 1 stands for, metres, as in `trees.wgsl`.
 const NEAR_METRES: f32 = 0.1;
 // As `core::plant_model` has them.
-const EXTENT: f32 = 2.0;
+const EXTENT: f32 = 3.0;
 const WIDEST: f32 = 0.125;
 const BRIGHTEST: f32 = 2.0;
 const PART_PETAL: u32 = 1u;

@@ -73,4 +73,4 @@ struct UndergrowthDraws {
 // Bins are the kinds, and grass that is not near: farther than this, metres.
 const PLANT_BINS: u32 = 7u;
 const FAR_GRASS: u32 = 6u;
-const NEAR_GRASS: f32 = 16.0;
+const NEAR_GRASS: f32 = 12.0;

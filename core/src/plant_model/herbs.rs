@@ -6,7 +6,7 @@ use glam::Vec3;
 use std::f32::consts::TAU;
 
 /// Blades of a tuft, and how many of them are drawn of a far one.
-const BLADES: u32 = 27;
+const BLADES: u32 = 50;
 pub const FAR_BLADES: u32 = 12;
 /// Triangles of a blade.
 pub const BLADE_TRIANGLES: u32 = 5;
@@ -113,7 +113,7 @@ pub fn grass(random: &mut Random) -> Mesh {
     let mut mesh = Mesh::default();
     for number in 0..BLADES {
         let first = mesh.corners.len();
-        blade(random, number, if number < FAR_BLADES { 0.75 } else { 1.1 }, number == 0).grow(&mut mesh);
+        blade(random, number, if number < FAR_BLADES { 0.75 } else { 1.6 }, number == 0).grow(&mut mesh);
         for corner in &mut mesh.corners[first..] {
             corner.near = number >= FAR_BLADES;
         }

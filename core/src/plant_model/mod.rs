@@ -15,7 +15,7 @@ use glam::{Vec2, Vec3};
 /// Variants of a kind.
 pub const VARIANTS: u32 = 4;
 /// Positions are ± this many sizes.
-pub const EXTENT: f32 = 2.0;
+pub const EXTENT: f32 = 3.0;
 /// Half widths of blades are ± this many sizes.
 pub const WIDEST: f32 = 0.125;
 /// Tones are up to this.
@@ -166,7 +166,7 @@ mod tests {
                     if lies { (0.04..0.6).contains(&top) } else { (0.6..1.05).contains(&top) },
                     "{kind:?} {top}"
                 );
-                assert!((0.2..1.3).contains(&reach), "{kind:?} {reach}");
+                assert!((0.2..2.6).contains(&reach), "{kind:?} {reach}");
                 for corner in *corners {
                     assert!(corner.position.is_finite() && (corner.normal.length() - 1.0).abs() < 1e-3);
                     assert!(corner.side.abs() <= WIDEST && corner.tone.max_element() <= BRIGHTEST);
@@ -180,7 +180,7 @@ mod tests {
     #[test]
     fn words_hold_what_a_corner_is() {
         let corner = Corner {
-            position: Vec3::new(1.0, -2.0, 0.5),
+            position: Vec3::new(1.5, -3.0, 0.75),
             side: -0.125,
             lateral: 0.5,
             normal: Vec3::NEG_Y,

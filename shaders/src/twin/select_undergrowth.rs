@@ -30,7 +30,7 @@ const GROWTH_BAND: f32 = 0.3;
 const RANGE_SPREAD: f32 = 0.75;
 const NEAR_EYE: [f32; 2] = [0.25, 0.9];
 const KIND_RANGES: [f32; 6] = [0.75, 0.6, 0.9, 0.9, 1.0, 1.0];
-const NEAR_GRASS: f32 = 16.0;
+const NEAR_GRASS: f32 = 12.0;
 const TYPE_MASK: u8 = (1 << SPECIES_SHIFT) - 1;
 
 /// What the texture arrays hold beside heights.
