@@ -37,6 +37,7 @@ use treeline_core::seeds::season::{self, YearDay};
 use treeline_core::sun::{SunPosition, unix_seconds_from_rfc3339};
 use treeline_shaders::layout::{HARD_SWITCH, View};
 use treeline_shaders::season::{FLAG_SEASON, rows as season_rows, season_of_view};
+use treeline_shaders::trees::TreeCells;
 
 /// A tile that came and waits for its upload.
 #[derive(Debug)]
@@ -337,7 +338,11 @@ impl Engine {
         let map_holds = self.survey.is_known();
         let seeds = self.stream.seed_cells(&geometry, map_holds);
         let species = self.stream.tree_field().map_or(&[][..], |field| &field.species);
-        let trees = seeds.as_ref().map(|seeds| FrameTrees { seeds, species, window: seeds.window() });
+        let under = [u32::from(self.stream.is_under_canopy(&geometry)), 0, 0, 0];
+        let trees = seeds.as_ref().map(|seeds| {
+            let window = TreeCells { under, ..seeds.window() };
+            FrameTrees { seeds, species, window }
+        });
         let undergrowth = self.stream.undergrowth_blocks(&geometry);
         let plants = FramePlants { trees, undergrowth: undergrowth.as_ref() };
         if !self.renderer.draw(&self.gpu, &self.arrays, &view, &tables, target, plants, ticket) {

@@ -166,6 +166,8 @@ pub struct TreeCells {
     pub range: f32,
     /// Nearer than this the ground has the grain that undergrowth stands on, metres; 0 without undergrowth.
     pub turf: f32,
+    /// First: 1 where the eye is below the canopy, between the trees; zeros.
+    pub under: [u32; 4],
     /// A bit a cell, row by row.
     pub bits: [[u32; 4]; (WINDOW_CELLS * WINDOW_CELLS / 128) as usize],
 }

@@ -88,7 +88,7 @@ fn trees_are_laid_out_alike_on_both_sides() {
 
 #[test]
 fn what_draws_trees_is_laid_out_alike_on_both_sides() {
-    compare(&parsed(Pass::ShadeTrees), [layout_of!(TreeCells: first, range, turf, bits)]);
+    compare(&parsed(Pass::ShadeTrees), [layout_of!(TreeCells: first, range, turf, under, bits)]);
     compare(&parsed(Pass::Trees), [layout_of!(TreeDraw: model, foliage)]);
     for pass in [Pass::Shade, Pass::ShadeTrees, Pass::SelectTrees] {
         compare(&parsed(pass), [layout_of!(SeasonRow: out_turn, fall, turned, bare)]);

@@ -18,6 +18,8 @@ struct TreeCells {
     range: f32,
     // Nearer than this the ground has its grain, metres; 0 without undergrowth.
     turf: f32,
+    // x: 1 where the eye is below the canopy, between the trees.
+    under: vec4<u32>,
     // A bit a cell, 64 × 64 of them, row by row.
     bits: array<vec4<u32>, 32>,
 }
@@ -66,6 +68,29 @@ fn ground_height_at(cell: vec2<f32>, slot: u32) -> f32 {
     return node_height(node, slot) - f32(node_surface(node, slot).y) * CANOPY_UNIT;
 }
 
+// Up to this distance the ground below a canopy is smooth between its nodes; farther it is the nearest node's, metres.
+const SMOOTH_GROUND: f32 = 80.0;
+// What lies between nodes differs no more than this from the nearest, metres, where it is not a cliff.
+const SMOOTH_MARGIN: f32 = 0.6;
+
+// The same between the four nodes about it.
+fn smooth_ground_at(cell: vec2<f32>, slot: u32) -> f32 {
+    let base = floor(cell);
+    let part = cell - base;
+    let north = mix(ground_height_at(base, slot), ground_height_at(base + vec2<f32>(1.0, 0.0), slot), part.x);
+    let south = mix(ground_height_at(base + vec2<f32>(0.0, 1.0), slot), ground_height_at(base + vec2<f32>(1.0, 1.0), slot), part.x);
+    return mix(north, south, part.y);
+}
+
+// The ground where a ray so far from the eye is so high: smooth near by, where it may matter.
+fn ground_beside_ray(cell: vec2<f32>, slot: u32, ray: f32, distance: f32) -> f32 {
+    let nearest = ground_height_at(cell, slot);
+    if distance > SMOOTH_GROUND || ray > nearest + SMOOTH_MARGIN || nearest <= VOID_HEIGHT {
+        return nearest;
+    }
+    return smooth_ground_at(cell, slot);
+}
+
 // Follows a ray from where it met the canopy. `rate`: grid units per metre along it, `rise`: metres per metre.
 fn ground_below(start: MapPlace, index: u32, from_distance: f32, height: f32, rate: vec2<f32>, rise: f32, dither: f32) -> Below {
     var found = Below(false, 0.0, EMPTY, vec2<f32>(0.0), start, false);
@@ -93,7 +118,7 @@ fn ground_below(start: MapPlace, index: u32, from_distance: f32, height: f32, ra
         }
         let cell = cell_in(leaf, place);
         let stays = canopy_share(from_distance + travelled) > dither || !has_trees(place.unit);
-        var surface_height = ground_height_at(cell, leaf.slot);
+        var surface_height = ground_beside_ray(cell, leaf.slot, ray, from_distance + travelled);
         if stays {
             surface_height = height_at(cell, leaf.slot, false);
         }
@@ -104,11 +129,12 @@ fn ground_below(start: MapPlace, index: u32, from_distance: f32, height: f32, ra
             for (var halving = 0; halving < 5; halving++) {
                 let middle = 0.5 * (high + low);
                 let there = cell_in(leaf, moved(start, middle * rate));
-                var middle_height = ground_height_at(there, leaf.slot);
+                let middle_ray = height + rise * middle;
+                var middle_height = ground_beside_ray(there, leaf.slot, middle_ray, from_distance + middle);
                 if stays {
                     middle_height = height_at(there, leaf.slot, false);
                 }
-                if height + rise * middle <= middle_height {
+                if middle_ray <= middle_height {
                     low = middle;
                 } else {
                     high = middle;
@@ -119,4 +145,56 @@ fn ground_below(start: MapPlace, index: u32, from_distance: f32, height: f32, ra
         }
     }
     return found;
+}
+
+// Steps of a ray from an eye below the canopy to the ground.
+const UNDER_STEPS: u32 = 64u;
+
+// The ground that a ray from an eye below the canopy meets among trees: the terrain pass, for which leaving the surface
+// is no hit, sees through it.
+fn ground_under_eye(index: u32, rate: vec2<f32>, rise: f32, dither: f32) -> Below {
+    let start = MapPlace(view.eye_grid, vec2<f32>(0.5));
+    let nothing = Below(false, 0.0, EMPTY, vec2<f32>(0.0), start, false);
+    var leaf = ground_leaf(index);
+    var at = index;
+    let along = max(length(rate * leaf.cells_per_unit), 1e-3);
+    var stride = clamp(0.5 / along, 0.2, 6.0);
+    var before = 0.0;
+    var travelled = 0.0;
+    for (var step = 0u; step < UNDER_STEPS; step++) {
+        before = travelled;
+        travelled += stride * select(1.0, 0.4 + (0.6 * dither), step == 0u);
+        stride *= BELOW_GROWTH.x;
+        let ray = view.up.w + (rise * travelled);
+        let place = moved(start, travelled * rate);
+        if !covers(leaf, place) {
+            at = leaf_index_at(place.unit);
+            if at == EMPTY {
+                return nothing;
+            }
+            leaf = ground_leaf(at);
+        }
+        let cell = cell_in(leaf, place);
+        if ray > view.forward.w || !has_trees(place.unit) || canopy_share(travelled) > dither {
+            return nothing;
+        }
+        let ground = ground_beside_ray(cell, leaf.slot, ray, travelled);
+        if ray <= ground && ground > VOID_HEIGHT {
+            var high = before;
+            var low = travelled;
+            for (var halving = 0; halving < 6; halving++) {
+                let middle = 0.5 * (high + low);
+                let there = cell_in(leaf, moved(start, middle * rate));
+                let middle_ray = view.up.w + (rise * middle);
+                if middle_ray <= ground_beside_ray(there, leaf.slot, middle_ray, middle) {
+                    low = middle;
+                } else {
+                    high = middle;
+                }
+            }
+            let end = moved(start, low * rate);
+            return Below(true, low, at, cell_in(leaf, end), end, false);
+        }
+    }
+    return nothing;
 }

@@ -24,6 +24,8 @@ const LEAST_CROWN: u32 = 8u;
 const CROWNS_METRES: f32 = 3.5;
 // As the shade pass has it: what is higher over the ground is canopy, metres.
 const CANOPY_FOOT: f32 = 0.05;
+// No ground lies so low, metres: a void, or what is mixed with one.
+const VOID_BELOW: f32 = -100000.0;
 // A plant smaller than this in the picture is not drawn, pixels.
 const LEAST_PIXELS: f32 = 1.6;
 // Shares of its own range over which a plant grows from nothing; how much sooner than the last the first one ends.
@@ -76,26 +78,24 @@ fn nearest_node(index: u32, unit: vec2<u32>) -> vec2<i32> {
     return vec2<i32>(leaves[index].first_cell + (within / units));
 }
 
-// Height of the ground that is drawn, and of the canopy over it, metres: between the nodes in the open, as the nearest
-// node has it where the ground below a canopy is seen.
+// Height of the ground that is drawn, below any canopy, and of the canopy over it, metres.
 fn drawn_ground(index: u32, unit: vec2<u32>) -> vec2<f32> {
     let leaf = ground_leaf(index);
     let cell = cell_in(leaf, MapPlace(unit, vec2<f32>(0.5)));
     let base = vec2<i32>(floor(cell));
     let part = cell - floor(cell);
-    let canopies = vec4<f32>(
-        f32(node_surface(base, leaf.slot).y),
-        f32(node_surface(base + vec2<i32>(1, 0), leaf.slot).y),
-        f32(node_surface(base + vec2<i32>(0, 1), leaf.slot).y),
-        f32(node_surface(base + vec2<i32>(1, 1), leaf.slot).y),
-    );
-    let canopy = CANOPY_UNIT * mix(mix(canopies.x, canopies.y, part.x), mix(canopies.z, canopies.w, part.x), part.y);
-    if canopy <= CANOPY_FOOT {
-        return vec2<f32>(height_at(cell, leaf.slot, true), canopy);
-    }
-    let node = vec2<i32>(round(cell));
-    let height = height_at(cell, leaf.slot, false);
-    return vec2<f32>(select(height - (f32(node_surface(node, leaf.slot).y) * CANOPY_UNIT), VOID_HEIGHT, height <= VOID_HEIGHT), canopy);
+    let north = mix(bare_node(base, leaf.slot), bare_node(base + vec2<i32>(1, 0), leaf.slot), part.x);
+    let south = mix(bare_node(base + vec2<i32>(0, 1), leaf.slot), bare_node(base + vec2<i32>(1, 1), leaf.slot), part.x);
+    let ground = mix(north, south, part.y);
+    // Beside a void there is none.
+    return select(ground, vec2<f32>(VOID_HEIGHT, 0.0), ground.x < VOID_BELOW);
+}
+
+// Height of a node's ground and of the canopy over it, metres.
+fn bare_node(node: vec2<i32>, slot: u32) -> vec2<f32> {
+    let inside = clamp(node, vec2<i32>(-1), vec2<i32>(513));
+    let canopy = f32(node_surface(inside, slot).y) * CANOPY_UNIT;
+    return vec2<f32>(node_height(inside, slot) - canopy, canopy);
 }
 
 // Of the nine places about a metaseed, how many lie under crowns.
@@ -234,15 +234,10 @@ fn ground_normal(site: Site, unit: vec2<u32>) -> vec3<f32> {
     let metres = leaves[site.leaf].cell_metres;
     let reach = vec2<i32>(max(round(vec2<f32>(2.0) / metres), vec2<f32>(1.0)));
     let node = nearest_node(site.leaf, unit);
-    let east = bare_node(node + vec2<i32>(reach.x, 0), leaf.slot) - bare_node(node - vec2<i32>(reach.x, 0), leaf.slot);
-    let south = bare_node(node + vec2<i32>(0, reach.y), leaf.slot) - bare_node(node - vec2<i32>(0, reach.y), leaf.slot);
+    let east = bare_node(node + vec2<i32>(reach.x, 0), leaf.slot).x - bare_node(node - vec2<i32>(reach.x, 0), leaf.slot).x;
+    let south = bare_node(node + vec2<i32>(0, reach.y), leaf.slot).x - bare_node(node - vec2<i32>(0, reach.y), leaf.slot).x;
     let slope = clamp(vec2<f32>(east, south) / (2.0 * vec2<f32>(reach) * metres), vec2<f32>(-3.0), vec2<f32>(3.0));
     return normalize(vec3<f32>(-slope.x, slope.y, 1.0));
-}
-
-fn bare_node(node: vec2<i32>, slot: u32) -> f32 {
-    let inside = clamp(node, vec2<i32>(-1), vec2<i32>(513));
-    return node_height(inside, slot) - (f32(node_surface(inside, slot).y) * CANOPY_UNIT);
 }
 
 fn bin_of(kind: u32, away: f32) -> u32 {

@@ -111,6 +111,20 @@ fn shade_with_trees(@builtin(position) position: vec4<f32>) -> ShadedWithDepth {
     let hit = textureLoad(hit_texture, pixel, 0);
     let dither = pixel_dither(position.xy);
     let ahead = dot(direction, view.forward.xyz);
+    if tree_cells.under.x == 1u {
+        let index = leaf_index_at(view.eye_grid);
+        if index != EMPTY {
+            let frame = tile_frame(index, vec3<f32>(0.0));
+            let units_per_cell = f32(leaves[index].grid_side) / vec2<f32>(leaves[index].cells);
+            let rate = vec2<f32>(dot(direction, frame.u), dot(direction, frame.v)) * units_per_cell;
+            let below = ground_under_eye(index, rate, dot(direction, frame.h), dither);
+            // In the open the terrain pass has met the same ground, and knows it better.
+            let known = distance > 0.0 && abs(distance - below.distance) < 0.5 + (0.03 * distance);
+            if below.found && !known {
+                return ShadedWithDepth(picture_colour(forest_floor(direction, below, dither), dither), NEAR_METRES / max(below.distance * ahead, NEAR_METRES));
+            }
+        }
+    }
     if distance < 0.0 || hit.x == EMPTY {
         return ShadedWithDepth(picture_colour(sky(direction), dither), 0.0);
     }

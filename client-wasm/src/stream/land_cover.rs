@@ -38,7 +38,8 @@ impl Stream {
         let shown = self
             .map
             .as_ref()
-            .filter(|_| by_map)
+            // From below the canopy the map sees through the hill.
+            .filter(|_| by_map && !self.is_under_canopy(view))
             .map(|map| with_neighbours(map.analysis.patterns.cells().iter().map(|cell| cell.address)));
         field.cells_in_sight(view, shown.as_ref(), |cell| match self.range(cell, &self.elevation.extent) {
             HeightRange::Empty => None,

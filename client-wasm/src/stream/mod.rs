@@ -475,6 +475,15 @@ impl Stream {
         self.find_ground(longitude, latitude, ElevationSummary::ground_between)
     }
 
+    /// Whether an eye is below the canopy's surface and above the ground: among the trees.
+    pub fn is_under_canopy(&self, view: &ViewGeometry) -> bool {
+        let eye = view.eye;
+        let surface = self.ground_height(eye.longitude, eye.latitude);
+        let ground = self.ground_between(eye.longitude, eye.latitude);
+        surface.is_some_and(|surface| surface > eye.height)
+            && ground.is_some_and(|[lowest, _]| f64::from(lowest) < eye.height)
+    }
+
     /// What the finest resident tile that knows says of a place: it is asked in cells from its north-west node.
     fn find_ground<T>(
         &self,

@@ -5,7 +5,7 @@
 
 use super::leaf_at::{grid_of_place, leaf_index_at};
 use super::load_map_place::enu_from_place;
-use super::shadow::{MapPlace, cell_in, ground_leaf, height_at, node_height};
+use super::shadow::{MapPlace, cell_in, ground_leaf, node_height};
 use super::sky::smoothstep;
 use super::{Texels, World};
 use crate::layout::{EMPTY, VOID_HEIGHT, View};
@@ -25,6 +25,7 @@ const LEAST_CROWN: u8 = 8;
 const CROWNS_METRES: f32 = 3.5;
 const CANOPY_FOOT: f32 = 0.05;
 const CANOPY_UNIT: f32 = 0.25;
+const VOID_BELOW: f32 = -1.0e5;
 const LEAST_PIXELS: f32 = 1.6;
 const GROWTH_BAND: f32 = 0.3;
 const RANGE_SPREAD: f32 = 0.75;
@@ -92,27 +93,25 @@ impl<T: SurfaceTexels> PlantWorld<'_, T> {
         self.surface(self.nearest_node(index, unit), slot)[0] & TYPE_MASK
     }
 
-    /// Height of the ground that is drawn, and of the canopy over it, metres.
+    /// Height of the ground that is drawn, below any canopy, and of the canopy over it, metres.
     fn drawn_ground(&self, index: u32, unit: UVec2) -> Vec2 {
         let leaf = ground_leaf(&self.world, index);
         let cell = cell_in(&leaf, MapPlace { unit, fraction: Vec2::splat(0.5) });
         let base = cell.floor().as_ivec2();
         let part = cell - cell.floor();
-        let canopy = |offset: IVec2| f32::from(self.surface(base + offset, leaf.slot)[1]);
-        let mix = |a: f32, b: f32, share: f32| a * (1.0 - share) + b * share;
-        let north = mix(canopy(IVec2::ZERO), canopy(IVec2::X), part.x);
-        let south = mix(canopy(IVec2::Y), canopy(IVec2::ONE), part.x);
-        let canopy = CANOPY_UNIT * mix(north, south, part.y);
-        if canopy <= CANOPY_FOOT {
-            return Vec2::new(height_at(&self.world, cell, leaf.slot, true), canopy);
-        }
-        let node = IVec2::new(cell.x.round_ties_even() as i32, cell.y.round_ties_even() as i32);
-        let node = node.clamp(IVec2::splat(-1), IVec2::splat(513));
-        let height = node_height(&self.world, node, leaf.slot);
-        if height <= VOID_HEIGHT {
-            return Vec2::new(VOID_HEIGHT, canopy);
-        }
-        Vec2::new(height - f32::from(self.surface(node, leaf.slot)[1]) * CANOPY_UNIT, canopy)
+        let node = |offset: IVec2| self.bare_node(base + offset, leaf.slot);
+        let mix = |a: Vec2, b: Vec2, share: f32| a * (1.0 - share) + b * share;
+        let north = mix(node(IVec2::ZERO), node(IVec2::X), part.x);
+        let south = mix(node(IVec2::Y), node(IVec2::ONE), part.x);
+        let ground = mix(north, south, part.y);
+        if ground.x < VOID_BELOW { Vec2::new(VOID_HEIGHT, 0.0) } else { ground }
+    }
+
+    /// Height of a node's ground and of the canopy over it, metres.
+    fn bare_node(&self, node: IVec2, slot: u32) -> Vec2 {
+        let inside = node.clamp(IVec2::splat(-1), IVec2::splat(513));
+        let canopy = f32::from(self.surface(inside, slot)[1]) * CANOPY_UNIT;
+        Vec2::new(node_height(&self.world, inside, slot) - canopy, canopy)
     }
 
     fn crowns_about(&self, index: u32, unit: UVec2) -> u32 {
