@@ -69,9 +69,9 @@ fn ground_height_at(cell: vec2<f32>, slot: u32) -> f32 {
 }
 
 // Up to this distance the ground below a canopy is smooth between its nodes; farther it is the nearest node's, metres.
-const SMOOTH_GROUND: f32 = 80.0;
+const SMOOTH_GROUND: f32 = 60.0;
 // What lies between nodes differs no more than this from the nearest, metres, where it is not a cliff.
-const SMOOTH_MARGIN: f32 = 0.6;
+const SMOOTH_MARGIN: f32 = 0.45;
 
 // The same between the four nodes about it.
 fn smooth_ground_at(cell: vec2<f32>, slot: u32) -> f32 {
