@@ -179,7 +179,7 @@ fn grown_in_season(member: Member, height: f32, snow: f32) -> f32 {
     }
     let deep = smoothstep(0.25 + (0.3 * own), 0.5 + (0.4 * own), snow);
     // What is low lies under the snow.
-    let low = select(1.0, 1.0 - smoothstep(300.0, 700.0, f32(member.size)), member.kind >= KIND_STONE);
+    let low = select(1.0, 1.0 - smoothstep(300.0, 700.0, f32(member.size)), member.kind == KIND_STONE);
     return grown * (1.0 - (deep * low));
 }
 

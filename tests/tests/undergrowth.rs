@@ -327,4 +327,6 @@ fn the_year_takes_flowers_and_then_all_but_stones() {
     assert_eq!([grass, flowers, ferns, shrubs], [0; 4]);
     let [grass, _, _, _, stones, _] = grown(STONES, NamedSeason::Winter);
     assert!(grass == 0 && stones > 3, "{grass} {stones}");
+    let [.., stones, wood] = grown(STONES, NamedSeason::Summer);
+    assert!(stones > 100 && wood == 0, "{stones} {wood}");
 }

@@ -30,7 +30,7 @@ pub struct FrameUndergrowth {
 }
 
 impl FrameUndergrowth {
-    /// Makes what a frame needs; `seen`: what it has, if any.
+    /// Makes what a frame with any needs.
     pub fn prepare(
         &mut self,
         gpu: &GpuContext,

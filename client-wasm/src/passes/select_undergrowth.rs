@@ -172,8 +172,8 @@ impl SelectUndergrowth {
             blocks * size_of::<UndergrowthBlock>() as u64,
             8 * seeds,
             4 * u64::from(BINS + 1) * blocks,
-            // Of closed clusters about the eye not all are in sight, and far ones are thin.
-            (plants / 3).min(MOST_PLANT_BYTES),
+            // Clusters are not all full, blocks not all in the picture, and far ones thin.
+            (plants / 2).min(MOST_PLANT_BYTES),
         ];
         let buffers = [&mut self.blocks, &mut self.chosen, &mut self.counts, &mut self.plants];
         let labels = ["undergrowth blocks", "undergrowth chosen", "undergrowth counts", "plants"];
