@@ -42,7 +42,7 @@ pub fn pixels(scene: &Scene, grid: &SampleGrid) -> Result<Vec<[u8; 4]>, RecipeEr
     Ok(covers.iter().map(|&cover| class_colour(scene, cover)).collect())
 }
 
-/// A decoded tile: what [`make`] packs as [`Format::Own`].
+/// A decoded tile: what [`make`] packs as [`super::Format::Own`].
 ///
 /// On the quadtree's levels it is what its level says; deeper, classes are repeated; coarser, each
 /// cell has the class at its middle.
