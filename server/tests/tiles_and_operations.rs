@@ -281,3 +281,12 @@ async fn where_nothing_grows_there_are_no_models() {
     assert_eq!(answer.status, StatusCode::NOT_FOUND);
     assert!(answer.text().contains("nothing grows in this scene"));
 }
+
+#[tokio::test]
+async fn every_request_has_a_name() {
+    let router = full();
+    let [first, second] = [get(&router, "/healthz").await, get(&router, "/nothing").await];
+    assert_ne!(first.header("x-request-id"), second.header("x-request-id"));
+    let named = Request::get("/healthz").header("x-request-id", "from-a-proxy").body(Body::empty()).unwrap();
+    assert_eq!(ask(&router, named).await.header("x-request-id"), "from-a-proxy");
+}

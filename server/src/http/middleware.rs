@@ -1,22 +1,27 @@
 //! What happens round every request: bounds first, then counting.
 
 use crate::http::answer::refusal;
+use crate::http::request_id;
 use crate::state::AppState;
 use axum::body::HttpBody as _;
 use axum::extract::{Request, State};
-use axum::http::{HeaderMap, HeaderValue, StatusCode, Version, header};
+use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, Uri, Version, header};
 use axum::middleware::Next;
 use axum::response::Response;
 use std::any::Any;
+use std::time::{Duration, Instant};
 
 /// Refuses URLs and crowds beyond the limits, ends requests that take too long, and counts.
 pub async fn bounds(State(app): State<AppState>, request: Request, next: Next) -> Response {
     let under_way = app.metrics.begin();
+    let start = Instant::now();
+    let id = request_id::of(request.headers());
+    let (method, uri) = (request.method().clone(), request.uri().clone());
     let path = request.uri().path();
     // Those who watch the server must hear from it when it is busiest.
     let watches = matches!(path, "/healthz" | "/readyz" | "/metrics");
     let length = request.uri().path_and_query().map_or(0, |text| text.as_str().len());
-    let response = if length > app.limits.maximum_url_bytes {
+    let mut response = if length > app.limits.maximum_url_bytes {
         refusal(
             StatusCode::URI_TOO_LONG,
             format!("the URL has {length} bytes; at most {} are read", app.limits.maximum_url_bytes),
@@ -36,7 +41,22 @@ pub async fn bounds(State(app): State<AppState>, request: Request, next: Next) -
     };
     app.metrics.response(response.status().as_u16(), response.body().size_hint().exact().unwrap_or(0));
     drop(under_way);
+    tell(&method, &uri, &id, response.status(), start.elapsed());
+    response.headers_mut().insert(request_id::REQUEST_ID, id);
     response
+}
+
+/// Logs a request: what went wrong here as a warning, all else where somebody wants to know.
+fn tell(method: &Method, uri: &Uri, id: &HeaderValue, status: StatusCode, took: Duration) {
+    // It has been looked at.
+    let id = id.to_str().unwrap_or_default();
+    let (path, query) = (uri.path(), uri.query().unwrap_or_default());
+    let (status, milliseconds) = (status.as_u16(), took.as_secs_f64() * 1e3);
+    if status >= 500 {
+        tracing::warn!(id, %method, path, query, status, milliseconds, "answered");
+    } else {
+        tracing::info!(id, %method, path, query, status, milliseconds, "answered");
+    }
 }
 
 /// Any origin may time what it reads here, too: without this a page elsewhere cannot tell how many bytes

@@ -12,6 +12,7 @@ mod operations;
 mod order;
 mod page;
 mod query;
+mod request_id;
 mod serve;
 mod tile_metadata;
 mod tiles;
