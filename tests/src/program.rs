@@ -128,6 +128,11 @@ impl Server {
         Ok(Self { address: address.to_owned(), process })
     }
 
+    /// The process's number.
+    pub fn id(&self) -> u32 {
+        self.process.child.id()
+    }
+
     /// `HOST:PORT`.
     pub fn address(&self) -> &str {
         &self.address

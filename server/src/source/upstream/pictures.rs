@@ -114,12 +114,12 @@ impl Cut {
             let place = |longitude: f64, latitude: f64| {
                 let latitude = latitude.clamp(-LAST_LATITUDE, LAST_LATITUDE);
                 let (x, y) = web_mercator_from_geographic(longitude, latitude);
-                [
-                    ((x + 0.5 * EQUATOR_METRES) / span).floor() as i64,
-                    ((0.5 * EQUATOR_METRES - y) / span).floor() as i64,
-                ]
+                [(x + 0.5 * EQUATOR_METRES) / span, (0.5 * EQUATOR_METRES - y) / span]
             };
-            (place(bounds.west, bounds.north), place(bounds.east, bounds.south))
+            let first = place(bounds.west, bounds.north).map(|value| value.floor() as i64);
+            // An edge between two tiles belongs to the one within.
+            let last = place(bounds.east, bounds.south).map(|value| (value - 1e-9).ceil() as i64 - 1);
+            (first, [0, 1].map(|axis| last[axis].max(first[axis])))
         };
         let fits = |zoom: &u8| {
             let (first, last) = range(*zoom);
