@@ -35,7 +35,7 @@ use treeline_core::query::get_map_query;
 use treeline_core::scene::{SceneDescription, SceneSpecies};
 use treeline_core::seeds::season::{self, YearDay};
 use treeline_core::sun::{SunPosition, unix_seconds_from_rfc3339};
-use treeline_shaders::layout::{HARD_SWITCH, View};
+use treeline_shaders::layout::{EYE_BELOW, HARD_SWITCH, View};
 use treeline_shaders::season::{FLAG_SEASON, rows as season_rows, season_of_view};
 use treeline_shaders::trees::TreeCells;
 
@@ -361,6 +361,8 @@ impl Engine {
         let sun = SunPosition::at(time, eye.longitude, eye.latitude).direction_enu();
         let year = YearDay::at(time, eye.latitude);
         let hard = if self.options.hand_over == HandOver::Hard { HARD_SWITCH } else { 0 };
+        let surface = self.stream.ground_height(eye.longitude, eye.latitude);
+        let below = if surface.is_some_and(|surface| surface > eye.height) { EYE_BELOW } else { 0 };
         let axis =
             |vector: glam::DVec3, last: f64| [vector.x as f32, vector.y as f32, vector.z as f32, last as f32];
         let grid = &self.stream.grid;
@@ -377,7 +379,7 @@ impl Engine {
             wraps: u32::from(grid.wraps()),
             root_level: u32::from(grid.level),
             shadow_steps: request.shadow_steps,
-            flags: hard | if year.is_some() { FLAG_SEASON } else { 0 },
+            flags: hard | below | if year.is_some() { FLAG_SEASON } else { 0 },
             // Dithering stands still: a picture is a function of its view.
             frame: 0,
             grid_place: grid.place(),

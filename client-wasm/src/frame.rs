@@ -23,7 +23,7 @@ use crate::stream::page_table::Tables;
 use crate::stream::tree_field::SeedFrameCells;
 use crate::stream::undergrowth::UndergrowthBlocks;
 use crate::survey::Ticket;
-use groups::{bind, has, hits_group, select_variant, shade_variant};
+use groups::{bind, goes_below, has, hits_group, select_variant, shade_variant};
 use treeline_core::seeds::Species;
 use treeline_core::seeds::pattern::{CellRow, ROWS};
 use treeline_core::seeds::season::ROWS as ROWS_OF_SEASONS;
@@ -96,6 +96,8 @@ pub struct FrameRenderer {
     maximum_mip: Option<MaximumMip>,
     minimum_mip: Option<MaximumMip>,
     terrain: Option<Terrain>,
+    /// The same for an eye below the surface, once there has been one.
+    terrain_below: Option<Terrain>,
     shade: Option<Shade>,
     shade_trees: Option<Shade>,
     trees: Option<Trees>,
@@ -167,6 +169,7 @@ impl FrameRenderer {
             maximum_mip: None,
             minimum_mip: None,
             terrain: None,
+            terrain_below: None,
             shade: None,
             shade_trees: None,
             trees: None,
@@ -252,8 +255,8 @@ impl FrameRenderer {
         self.prepare_trees(gpu, view, tables, trees);
         let drawn_trees = trees.filter(|_| self.tree_models.is_some());
         let draws_plants = self.prepare_plants(gpu, arrays, view, tables, target, drawn_trees, undergrowth);
-        let (Some(targets), Some(groups), Some(terrain)) = (&self.targets, &self.groups, &self.terrain)
-        else {
+        let terrain = if goes_below(view, arrays) { &self.terrain_below } else { &self.terrain };
+        let (Some(targets), Some(groups), Some(terrain)) = (&self.targets, &self.groups, terrain) else {
             return false;
         };
         if let Some(timer) = &mut self.timer {
@@ -494,9 +497,9 @@ impl FrameRenderer {
         if self.targets.as_ref().is_none_or(|targets| targets.size() != view.size) {
             self.targets = Some(Targets::new(device, view.size[0], view.size[1]));
         }
-        if self.terrain.is_none() {
-            self.terrain = Some(Terrain::new(device, &self.frame_layout, self.count_fetches));
-        }
+        let below = goes_below(view, arrays);
+        let terrain = if below { &mut self.terrain_below } else { &mut self.terrain };
+        terrain.get_or_insert_with(|| Terrain::new(device, &self.frame_layout, self.count_fetches, below));
         if let Some(format) = format {
             let variant = shade_variant(format, arrays, view, tables);
             if self.shade.as_ref().is_none_or(|shade| shade.variant != variant) {
@@ -545,7 +548,7 @@ impl FrameRenderer {
     pub fn pipelines(&self) -> Vec<&'static str> {
         let compiled = [
             ("maximum_mip", self.maximum_mip.is_some()),
-            ("terrain", self.terrain.is_some()),
+            ("terrain", self.terrain.is_some() || self.terrain_below.is_some()),
             ("shade", self.shade.is_some()),
             ("select_trees", self.select_trees.is_some()),
             ("trees", self.trees.is_some()),

@@ -8,7 +8,7 @@ use glam::{DVec3, UVec2};
 use std::cell::OnceCell;
 use std::sync::Arc;
 use treeline_core::tile::CELLS;
-use treeline_shaders::layout::{EMPTY, VOID_HEIGHT, View};
+use treeline_shaders::layout::{EMPTY, EYE_BELOW, VOID_HEIGHT, View};
 use treeline_shaders::twin::maximum_mip::Pyramid;
 use treeline_shaders::twin::ray::Ray;
 use treeline_shaders::twin::terrain::{cast_ray, pixel_share, view_ray};
@@ -17,7 +17,15 @@ use treeline_shaders::twin::{Texels, World};
 /// A resident tile: its heights, and its pyramid once it is needed.
 struct Tile {
     heights: Arc<[f32]>,
-    pyramid: OnceCell<Pyramid>,
+    /// Of the maxima and of the minima.
+    pyramids: [OnceCell<Pyramid>; 2],
+}
+
+impl Tile {
+    fn pyramid(&self, minimum: bool) -> &Pyramid {
+        self.pyramids[usize::from(minimum)]
+            .get_or_init(|| Pyramid::new(&self.heights, ELEVATION_SIDE, ELEVATION_SIDE, 1, minimum))
+    }
 }
 
 /// The tiles of a frame by slot.
@@ -37,7 +45,7 @@ impl Slots {
             }
             slots[slot].get_or_insert_with(|| Tile {
                 heights: Arc::clone(&summary.heights),
-                pyramid: OnceCell::new(),
+                pyramids: Default::default(),
             });
         }
         Self(slots)
@@ -58,16 +66,11 @@ impl Texels for Slots {
     }
 
     fn maximum(&self, slot: u32, mip: u32, x: i32, y: i32) -> f32 {
-        self.tile(slot).map_or(VOID_HEIGHT, |tile| {
-            tile.pyramid
-                .get_or_init(|| Pyramid::new(&tile.heights, ELEVATION_SIDE, ELEVATION_SIDE, 1, false))
-                .at(mip, x, y)
-        })
+        self.tile(slot).map_or(VOID_HEIGHT, |tile| tile.pyramid(false).at(mip, x, y))
     }
 
-    fn minimum(&self, _slot: u32, _mip: u32, _x: i32, _y: i32) -> f32 {
-        // Scenes are solid: minima are never asked for.
-        VOID_HEIGHT
+    fn minimum(&self, slot: u32, mip: u32, x: i32, y: i32) -> f32 {
+        self.tile(slot).map_or(VOID_HEIGHT, |tile| tile.pyramid(true).at(mip, x, y))
     }
 
     fn levels(&self) -> u32 {
@@ -76,7 +79,8 @@ impl Texels for Slots {
 }
 
 fn world<'a>(view: &'a View, tables: &'a Tables, texels: &'a Slots) -> World<'a, Slots> {
-    World { view, nodes: &tables.nodes, leaves: &tables.leaves, texels, sheet: None, use_minima: false }
+    let use_minima = view.flags & EYE_BELOW != 0;
+    World { view, nodes: &tables.nodes, leaves: &tables.leaves, texels, sheet: None, use_minima }
 }
 
 /// Distance in metres to the first hit along a direction (unit, east-north-up at the eye).

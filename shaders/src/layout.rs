@@ -133,6 +133,10 @@ pub(crate) fn cell_and_fraction(coordinate: f64) -> (i32, f64) {
 /// Bit of [`View::flags`]: trees, their levels and the canopy take each other's places at once.
 pub const HARD_SWITCH: u32 = 1;
 
+/// Bit of [`View::flags`]: the eye is below the surface (among trees, or under the ground), so that the terrain pass
+/// skips what lies wholly above a ray, where there are minima. No shader reads it.
+pub const EYE_BELOW: u32 = 16;
+
 /// What every pass knows of the frame: bind group 0, binding 0.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
@@ -159,7 +163,7 @@ pub struct View {
     pub root_level: u32,
     /// Steps of the shadow march.
     pub shadow_steps: u32,
-    /// Bits: [`HARD_SWITCH`], [`crate::season::FLAG_SEASON`], [`crate::weather::FLAG_WIND`],
+    /// Bits: [`HARD_SWITCH`], [`EYE_BELOW`], [`crate::season::FLAG_SEASON`], [`crate::weather::FLAG_WIND`],
     /// [`crate::weather::FLAG_CLOUDS`].
     pub flags: u32,
     /// Counts frames, for dithering; 0 in tests.

@@ -6,6 +6,7 @@ const CANOPY_BACK: vec2<f32> = vec2<f32>(0.62, 0.74);
 // Steps of the ray below the canopy: of half a cell at first, longer and longer, then much longer.
 const BELOW_STEPS: u32 = 64u;
 const BELOW_FAR_STEPS: u32 = 28u;
+const BELOW_HALVINGS: i32 = 14;
 const BELOW_GROWTH: vec2<f32> = vec2<f32>(1.06, 1.25);
 // Trees drawn over a canopy that is still there stand within it: so far behind its surface it hides them, metres.
 const CANOPY_DEPTH: f32 = 10.0;
@@ -123,16 +124,31 @@ fn ground_below(start: MapPlace, index: u32, from_distance: f32, height: f32, ra
             surface_height = height_at(cell, leaf.slot, false);
         }
         if ray <= surface_height && surface_height > VOID_HEIGHT {
-            // Half-way between the last point above and the first below, five times.
+            // Half-way between the last point above and the first below, until a pixel does not show the difference.
             var high = before;
             var low = travelled;
-            for (var halving = 0; halving < 5; halving++) {
+            let fine_enough = 0.5 * (from_distance + travelled) * view.right.w;
+            for (var halving = 0; halving < BELOW_HALVINGS; halving++) {
+                if halving >= 5 && (low - high) < fine_enough {
+                    break;
+                }
                 let middle = 0.5 * (high + low);
-                let there = cell_in(leaf, moved(start, middle * rate));
+                let middle_place = moved(start, middle * rate);
+                if !covers(leaf, middle_place) {
+                    // The point above lies in another tile.
+                    let index_there = leaf_index_at(middle_place.unit);
+                    if index_there == EMPTY {
+                        high = middle;
+                        continue;
+                    }
+                    at = index_there;
+                    leaf = ground_leaf(at);
+                }
+                let there = cell_in(leaf, middle_place);
                 let middle_ray = height + rise * middle;
                 var middle_height = ground_beside_ray(there, leaf.slot, middle_ray, from_distance + middle);
                 if stays {
-                    middle_height = height_at(there, leaf.slot, false);
+                    middle_height = height_at(there, leaf.slot, true);
                 }
                 if middle_ray <= middle_height {
                     low = middle;
@@ -141,6 +157,14 @@ fn ground_below(start: MapPlace, index: u32, from_distance: f32, height: f32, ra
                 }
             }
             let end = moved(start, low * rate);
+            if !covers(leaf, end) {
+                let index_there = leaf_index_at(end.unit);
+                if index_there == EMPTY {
+                    return found;
+                }
+                at = index_there;
+                leaf = ground_leaf(at);
+            }
             return Below(true, from_distance + low, at, cell_in(leaf, end), end, stays);
         }
     }

@@ -2,7 +2,8 @@
 //
 // A node of level 0 is a cell; one of level k covers 2^k × 2^k cells, and its maximum is in mip k − 1.
 
-// Skip nodes that lie wholly above a ray that is under the surface.
+// Skip nodes that lie wholly above a ray that is under the surface. Of solid ground a ray from an eye inside then does
+// not see the voids that it passes below the surface around them.
 override USE_MINIMA: bool = false;
 
 const SIDE_UNKNOWN: i32 = 0;
@@ -181,7 +182,8 @@ fn max_mip(
                 (*carried).side = SIDE_ABOVE;
             } else {
                 var skipped = false;
-                if USE_MINIMA && (*carried).side != SIDE_ABOVE {
+                // Into solid ground a ray comes from a void or from outside through a wall, which is in a cell.
+                if USE_MINIMA && (*carried).side != SIDE_ABOVE && !(SOLID && (*carried).side == SIDE_UNKNOWN) {
                     (*carried).fetches += 1u;
                     let highest = max(height_in, height_out) - min(sag, 0.0) + slack;
                     skipped = highest < node_minimum(slot, node, level);

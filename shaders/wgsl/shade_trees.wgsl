@@ -32,6 +32,20 @@ fn wood_about(cell: vec2<f32>, slot: u32, height: f32, reach: vec2<f32>) -> vec2
     return vec2<f32>(saturate(1.5 * wood.x / 9.0), wood.y / max(wood.x, 1e-3));
 }
 
+// Nearer than this the march to the sun is taken this often from the floor of a wood: it begins among crowns, a step from
+// their rims, and what one dithered march makes of them shows as a pattern, metres.
+const FINE_SHADOW: f32 = 40.0;
+const FINE_SHADOWS: u32 = 4u;
+
+fn floor_sun(ground: Ground, toward: vec3<f32>, dither: f32, distance: f32) -> f32 {
+    let count = select(1u, FINE_SHADOWS, distance < FINE_SHADOW);
+    var sum = 0.0;
+    for (var part = 0u; part < count; part++) {
+        sum += sun_visibility(ground, toward, fract(dither + (f32(part) / f32(FINE_SHADOWS))));
+    }
+    return sum / f32(count);
+}
+
 // The ground under a wood: its own light is what the crowns above leave of it.
 fn forest_floor(direction: vec3<f32>, below: Below, dither: f32) -> vec3<f32> {
     let index = below.leaf;
@@ -87,7 +101,7 @@ fn forest_floor(direction: vec3<f32>, below: Below, dither: f32) -> vec3<f32> {
     if WITH_SHADOWS {
         let toward = vec3<f32>(dot(view.sun.xyz, frame.u) * cell_metres.x, dot(view.sun.xyz, frame.v) * cell_metres.y, sun_cosine);
         if sun_cosine > -0.01 {
-            lit.sun_visible *= sun_visibility(ground, toward, dither);
+            lit.sun_visible *= floor_sun(ground, toward, dither, below.distance);
         }
         lit.sky_visible = max(sky_visibility(ground, 8.0, 60.0), mix(CANOPY_SKY, 0.8, bare) * wooded);
         // Specks of sun come through any canopy, and leaves pass light on.

@@ -36,7 +36,7 @@ impl Scene<'_> {
         let mut map = LoadMap::new(device, &layout);
         let mut belt = Belt::new(device, 8 * u64::from(CELLS), 1);
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        Terrain::new(device, &layout, false).record(&mut encoder, &group, &targets, None);
+        Terrain::new(device, &layout, false, false).record(&mut encoder, &group, &targets, None);
         map.record(device, queue, &mut encoder, &group, &targets, &self.stack.frame, [None, None]);
         assert!(belt.schedule(&mut encoder, &[map.cells(), map.pixels()], ()), "the belt is free");
         queue.submit([encoder.finish()]);

@@ -4,8 +4,9 @@ use crate::gpu::software_gpu;
 use crate::tile_world::{Frame, SIDE, TileWorld};
 use treeline_shaders::{Pass, source};
 
-/// The picture: distance (negative: a miss), and the four words of the hit, of each pixel.
-pub fn terrain_by_gpu(world: &TileWorld, frame: &Frame) -> (Vec<f32>, Vec<[u32; 4]>) {
+/// The picture: distance (negative: a miss), and the four words of the hit, of each pixel. `use_minima`: as for an eye
+/// below the surface.
+pub fn terrain_by_gpu(world: &TileWorld, frame: &Frame, use_minima: bool) -> (Vec<f32>, Vec<[u32; 4]>) {
     let (device, queue) = software_gpu();
     let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some("terrain"),
@@ -29,7 +30,10 @@ pub fn terrain_by_gpu(world: &TileWorld, frame: &Frame) -> (Vec<f32>, Vec<[u32; 
         fragment: Some(wgpu::FragmentState {
             module: &module,
             entry_point: Some("terrain"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            compilation_options: wgpu::PipelineCompilationOptions {
+                constants: &[("USE_MINIMA", f64::from(u8::from(use_minima)))],
+                ..Default::default()
+            },
             targets: &targets,
         }),
         multiview_mask: None,
@@ -39,6 +43,7 @@ pub fn terrain_by_gpu(world: &TileWorld, frame: &Frame) -> (Vec<f32>, Vec<[u32; 
     let heights = array(&[SIDE], layers, |layer, _| &world.tiles[layer].heights);
     let sides: Vec<u32> = world.tiles[0].maxima.mips.iter().map(|mip| mip.0).collect();
     let maxima = array(&sides, layers, |layer, mip| &world.tiles[layer].maxima.mips[mip].2);
+    let minima = array(&sides, layers, |layer, mip| &world.tiles[layer].minima.mips[mip].2);
     let buffer = |bytes: &[u8], usage| {
         let buffer = device.create_buffer(&wgpu::BufferDescriptor {
             label: None,
@@ -58,8 +63,7 @@ pub fn terrain_by_gpu(world: &TileWorld, frame: &Frame) -> (Vec<f32>, Vec<[u32; 
         (2, leaves.as_entire_binding()),
         (3, wgpu::BindingResource::TextureView(&heights)),
         (4, wgpu::BindingResource::TextureView(&maxima)),
-        // Rays here are never under the ground.
-        (9, wgpu::BindingResource::TextureView(&maxima)),
+        (9, wgpu::BindingResource::TextureView(&minima)),
     ];
     let entries = bindings.map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource });
     let group = device.create_bind_group(&wgpu::BindGroupDescriptor {

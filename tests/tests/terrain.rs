@@ -4,6 +4,8 @@
 use glam::UVec2;
 use treeline_core::camera::GeographicCamera;
 use treeline_core::tile::TileAddress;
+use treeline_shaders::twin::World;
+use treeline_shaders::twin::terrain::{cast_ray, pixel_share, view_ray};
 use treeline_tests::terrain_gpu::terrain_by_gpu;
 use treeline_tests::tile_world::{Frame, TileWorld, alpine_height};
 
@@ -73,7 +75,7 @@ fn check(name: &str, world: &TileWorld, camera: &GeographicCamera) -> usize {
             faults.extend(fault(world, &frame, camera, pixel));
         }
     }
-    let (distances, words) = terrain_by_gpu(world, &frame);
+    let (distances, words) = terrain_by_gpu(world, &frame, false);
     let mut other = 0;
     for (index, (&distance, words)) in distances.iter().zip(&words).enumerate() {
         let index = index as u32;
@@ -143,4 +145,38 @@ fn a_tile_that_fades_in_leaves_no_hole() {
     }
     let share = f64::from(own) / f64::from(own + parents);
     assert!((0.3..0.5).contains(&share), "{own} of its own, {parents} of the parent");
+}
+
+/// From inside the ground rays go out to the surface's other side, and those that can be told what lies wholly above them
+/// find the same with far fewer fetches.
+#[test]
+fn an_eye_below_the_surface_sees_its_other_side_and_gets_there_soon() {
+    let world = world(&|_| 1.0);
+    let (lon, lat) = (11.02, 46.97);
+    for (depth, heading, pitch) in [(20.0, 40.0, -2.0), (400.0, 250.0, 10.0), (60.0, 120.0, -40.0)] {
+        let camera = camera(lon, lat, alpine_height(lon, lat) - depth, heading, pitch);
+        let frame = world.frame(&camera, SIZE);
+        let plain = world.bound(&frame);
+        let with_minima = World { use_minima: true, ..plain };
+        let (distances, words) = terrain_by_gpu(&world, &frame, true);
+        let (mut hits, mut other, mut fetches) = (0, 0, [0_u64; 2]);
+        for (index, (&distance, words)) in distances.iter().zip(&words).enumerate() {
+            let pixel = UVec2::new(index as u32 % SIZE[0], index as u32 / SIZE[0]);
+            let cast = |world| cast_ray(world, &view_ray(&frame.view, pixel), pixel_share(pixel));
+            let (slow, quick) = (cast(&plain), cast(&with_minima));
+            assert_eq!(slow.distance < 0.0, quick.distance < 0.0, "{pixel}: {slow:?} {quick:?}");
+            assert!(
+                (slow.distance - quick.distance).abs() <= 1e-4 * slow.distance.abs(),
+                "{slow:?} {quick:?}"
+            );
+            hits += usize::from(slow.distance >= 0.0);
+            other += usize::from((distance - quick.distance).abs() > 1e-3 * quick.distance.abs());
+            fetches[0] += u64::from(slow.fetches);
+            fetches[1] += u64::from(words[3]);
+        }
+        println!("{depth} m under the ground: {hits} hits, {other} otherwise, {fetches:?} fetches");
+        assert!(other * 500 < distances.len(), "the GPU sees {other} pixels otherwise");
+        assert!(hits > distances.len() / 20 || pitch < -20.0, "{hits} hits");
+        assert!(2 * fetches[1] < fetches[0], "{fetches:?}");
+    }
 }

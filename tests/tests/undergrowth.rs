@@ -78,6 +78,7 @@ fn session(scene: SceneDescription, undergrowth_metres: f64, tree_metres: f64) -
         tree_metres: Some(tree_metres),
         undergrowth_metres: Some(undergrowth_metres),
         uploads_per_step: usize::MAX,
+        count_fetches: true,
         ..EngineOptions::default()
     };
     Session::new(Engine::new(gpu, scene, options).unwrap(), SIZE[0], SIZE[1], 2).unwrap()
@@ -262,7 +263,7 @@ fn a_meadow_is_grown_over_and_the_rest_is_as_it_was() {
 #[test]
 fn an_eye_below_the_canopy_sees_the_ground_before_it() {
     let tiles = RouterTiles::built_in().unwrap();
-    let view = request(at(&tiles, [10.9306, 46.9107], 1.7, 60.0, -12.0), None);
+    let view = request(at(&tiles, [10.9340, 46.9118], 1.7, 120.0, -12.0), None);
     let session = settled(&tiles, &view, 40.0, 200.0);
     let eye = &view.camera;
     let surface = session.engine.ground_height(eye.lon, eye.lat).unwrap();
@@ -272,6 +273,25 @@ fn an_eye_below_the_canopy_sees_the_ground_before_it() {
     let farthest = lower.iter().copied().fold(0.0, f32::max);
     println!("the ground lies up to {farthest} m away");
     assert!(farthest < 60.0, "{farthest}");
+}
+
+/// Among trees the load map sees crowns' walls and the inside of the hill: the quadtree chooses the tiles, so that the ground
+/// between the trunks is as fine as from above; and rays from below the surface do not creep through the hill.
+#[test]
+fn among_trees_the_ground_between_them_is_fine() {
+    let tiles = RouterTiles::built_in().unwrap();
+    let view = request(at(&tiles, [10.9340, 46.9118], 1.7, 300.0, -2.0), None);
+    let mut session = settled(&tiles, &view, 40.0, 200.0);
+    let hits = session.capture().unwrap().hit;
+    let engine = &session.engine;
+    let tables = engine.drawn_tables().unwrap();
+    let tile_under = |level| TileAddress::at(level, view.camera.lon, view.camera.lat);
+    let finest = engine.scene().layer(Layer::CombinedElevation).unwrap().maximum_level;
+    let is_drawn = tables.leaf_tiles.iter().flatten().any(|&tile| tile == tile_under(finest));
+    assert!(is_drawn, "level {finest} is drawn about the eye: {:?}", tables.leaf_tiles);
+    let fetches = hits.iter().map(|hit| f64::from(hit[3])).sum::<f64>() / hits.len() as f64;
+    println!("{fetches:.1} fetches a ray");
+    assert!((1.0..80.0).contains(&fetches), "{fetches}");
 }
 
 #[test]

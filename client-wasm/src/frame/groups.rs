@@ -5,13 +5,18 @@ use crate::gpu::tile_arrays::TileArrays;
 use crate::passes::select_trees::SelectVariant;
 use crate::passes::shade::ShadeVariant;
 use crate::stream::page_table::Tables;
-use treeline_shaders::layout::View;
+use treeline_shaders::layout::{EYE_BELOW, View};
 use treeline_shaders::season::FLAG_SEASON;
 use treeline_shaders::weather::{FLAG_CLOUDS, FLAG_WIND};
 
 /// Whether a flag of a view is set.
 pub(super) fn has(view: &View, flag: u32) -> bool {
     view.flags & flag != 0
+}
+
+/// Whether rays of this view start below the surface and can be told what lies above them.
+pub(super) fn goes_below(view: &View, arrays: &TileArrays) -> bool {
+    has(view, EYE_BELOW) && arrays.minima.is_some()
 }
 
 pub(super) fn select_variant(view: &View, tables: &Tables) -> SelectVariant {

@@ -11,9 +11,15 @@ pub struct Terrain {
 }
 
 impl Terrain {
-    /// Compiles the pass. `count_fetches`: write the number of texel fetches beside each hit.
-    pub fn new(device: &wgpu::Device, frame: &wgpu::BindGroupLayout, count_fetches: bool) -> Self {
-        let constants = [flag("COUNT_FETCHES", count_fetches), flag("USE_MINIMA", false)];
+    /// Compiles the pass. `count_fetches`: write the number of texel fetches beside each hit. `use_minima`: for an eye
+    /// below the surface, with the pyramids of minima bound; what it hits is the same.
+    pub fn new(
+        device: &wgpu::Device,
+        frame: &wgpu::BindGroupLayout,
+        count_fetches: bool,
+        use_minima: bool,
+    ) -> Self {
+        let constants = [flag("COUNT_FETCHES", count_fetches), flag("USE_MINIMA", use_minima)];
         let pipeline = full_screen_pipeline(
             device,
             "terrain",

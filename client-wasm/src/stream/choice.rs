@@ -46,12 +46,14 @@ enum Known<'a> {
 }
 
 impl Stream {
-    /// Chooses the tiles that the view wants: by the map last read, or by the quadtree.
+    /// Chooses the tiles that the view wants: by the map last read, or by the quadtree, as among trees.
     pub fn choose(&mut self, view: &ViewGeometry) {
         // With very many roots (a planet), of the photo only those in view are always wanted.
         let many = self.texture.as_ref().filter(|layer| layer.base.len() > PINNED_TEXTURES);
         let seen = many.map(|layer| self.seen(view, layer));
-        if let Some(mut map) = self.map.take() {
+        // Among trees the surface that the map looks at is not what is seen.
+        let by_map = !self.is_among_trees(view);
+        if by_map && let Some(mut map) = self.map.take() {
             self.choose_by_map(&mut map, seen.as_deref());
             self.map = Some(map);
         } else {

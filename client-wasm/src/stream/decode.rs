@@ -103,6 +103,19 @@ impl ElevationSummary {
         (bounds[0] <= bounds[1]).then_some(*bounds)
     }
 
+    /// Whether the tile has a canopy that rises over a height (metres) in the square of cells; `None` where it does not
+    /// tell ground and canopy apart. Conservative: whole blocks count.
+    pub fn has_canopy_over(&self, height: f32, first: (f64, f64), side: f64) -> Option<bool> {
+        if self.ground.is_empty() {
+            return None;
+        }
+        let first = (first.0.max(0.0), first.1.max(0.0));
+        Some(block_rows(first, side).flatten().any(|block| {
+            let (top, [_, ground]) = (self.own_maxima[block], self.ground[block]);
+            top > height && top - ground > LEAST_CANOPY
+        }))
+    }
+
     /// Height by the bilinear patch at (u, v) in cells from the tile's north-west node; `None` in a void.
     pub fn height(&self, u: f64, v: f64) -> Option<f64> {
         let limit = f64::from(CELLS - 1);
@@ -117,6 +130,9 @@ impl ElevationSummary {
         Some((a * (1.0 - x) + b * x) * (1.0 - y) + (c * (1.0 - x) + d * x) * y)
     }
 }
+
+/// Over the ground of its block by more than this, a surface is a canopy's, metres.
+const LEAST_CANOPY: f32 = 2.0;
 
 /// A decoded tile of land cover, on the level that decides trees.
 #[derive(Clone, Debug)]

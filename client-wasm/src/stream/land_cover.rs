@@ -38,8 +38,7 @@ impl Stream {
         let shown = self
             .map
             .as_ref()
-            // From below the canopy the map sees through the hill.
-            .filter(|_| by_map && !self.is_under_canopy(view))
+            .filter(|_| by_map && !self.is_among_trees(view))
             .map(|map| with_neighbours(map.analysis.patterns.cells().iter().map(|cell| cell.address)));
         field.cells_in_sight(view, shown.as_ref(), |cell| match self.range(cell, &self.elevation.extent) {
             HeightRange::Empty => None,

@@ -38,9 +38,10 @@ use root_grid::RootGrid;
 use std::collections::{HashMap, HashSet};
 use tile_choice::{Cut, TileChoice};
 use tree_field::TreeField;
+use treeline_core::geodesy::Geodetic;
 use treeline_core::layer::Layer;
 use treeline_core::scene::SceneDescription;
-use treeline_core::tile::{GeographicBox, TileAddress};
+use treeline_core::tile::{self, GeographicBox, TileAddress};
 use turns::Turns;
 use undergrowth::{UndergrowthBlocks, UndergrowthField};
 use view::ViewGeometry;
@@ -104,6 +105,8 @@ const BASE_ATTEMPTS: u32 = 6;
 const PINNED_TEXTURES: usize = 16;
 /// Slots beside those of the coarsest tiles at least: less could not show a way down.
 const SPARE_SLOTS: usize = 12;
+/// An eye with a crown so near, metres, and higher than it, is among the trees.
+const AMONG_TREES_METRES: f64 = 8.0;
 
 /// One layer's tiles.
 #[derive(Debug)]
@@ -484,6 +487,21 @@ impl Stream {
             && ground.is_some_and(|[lowest, _]| f64::from(lowest) < eye.height)
     }
 
+    /// Whether an eye is among trees that are drawn one by one: below their tops, with one of them within some metres. It
+    /// sees between trunks what the surface of the heights hides from it, and so from the load map.
+    pub fn is_among_trees(&self, view: &ViewGeometry) -> bool {
+        let Geodetic { longitude, latitude, height } = view.eye;
+        let over_ground =
+            || self.ground_between(longitude, latitude).is_some_and(|[lowest, _]| f64::from(lowest) < height);
+        let below_trees = || {
+            self.known_at(longitude, latitude).find_map(|(level, summary, u, v)| {
+                let reach = AMONG_TREES_METRES / tile::cell_metres(level);
+                summary.has_canopy_over(height as f32, (u - reach, v - reach), 2.0 * reach)
+            })
+        };
+        self.land_cover.is_some() && over_ground() && below_trees().unwrap_or(false)
+    }
+
     /// What the finest resident tile that knows says of a place: it is asked in cells from its north-west node.
     fn find_ground<T>(
         &self,
@@ -491,13 +509,22 @@ impl Stream {
         latitude: f64,
         ask: impl Fn(&ElevationSummary, f64, f64) -> Option<T>,
     ) -> Option<T> {
-        (0..=self.elevation.maximum_level).rev().find_map(|level| {
+        self.known_at(longitude, latitude).find_map(|(_, summary, u, v)| ask(summary, u, v))
+    }
+
+    /// The resident tiles that cover a place, finest first: level, summary, and the place in cells from its north-west node.
+    fn known_at(
+        &self,
+        longitude: f64,
+        latitude: f64,
+    ) -> impl Iterator<Item = (u8, &ElevationSummary, f64, f64)> {
+        (0..=self.elevation.maximum_level).rev().filter_map(move |level| {
             let tile = TileAddress::at(level, longitude, latitude);
             let summary = self.summaries.get(&tile)?;
             let bounds = tile.bounds();
-            let cells = f64::from(treeline_core::tile::CELLS) / (bounds.east - bounds.west);
+            let cells = f64::from(tile::CELLS) / (bounds.east - bounds.west);
             let longitude = (longitude - bounds.west).rem_euclid(360.0);
-            ask(summary, longitude * cells, (bounds.north - latitude) * cells)
+            Some((level, summary, longitude * cells, (bounds.north - latitude) * cells))
         })
     }
 

@@ -174,7 +174,8 @@ pub fn max_mip<T: Texels>(
                 carried.side = Side::Above;
             } else {
                 let mut skipped = false;
-                if world.use_minima && carried.side != Side::Above {
+                let may_be_wall = world.solid() && carried.side == Side::Unknown;
+                if world.use_minima && carried.side != Side::Above && !may_be_wall {
                     carried.fetches += 1;
                     let highest = height_in.max(height_out) - sag.min(0.0) + slack;
                     skipped = highest < world.texels.minimum(slot, level - 1, node.x, node.y);
