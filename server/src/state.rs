@@ -2,7 +2,7 @@
 
 use crate::cache::{DiskCache, TileCache, Workers};
 use crate::config::{Config, public_url};
-use crate::http::Modified;
+use crate::http::{Known, Modified};
 use crate::limits::Limits;
 use crate::metrics::Metrics;
 use crate::scene::Scene;
@@ -25,6 +25,8 @@ pub struct App {
     pub limits: Limits,
     /// How links start, without a slash at the end; `None`: as the request's headers say.
     pub public_url: Option<String>,
+    /// Requests that were answered before.
+    pub known: Known,
     /// When the scene was opened.
     pub modified: Modified,
     /// Set when the server begins to stop: not ready any more, while it drains.
@@ -63,6 +65,7 @@ impl App {
             metrics,
             limits: config.limits,
             public_url,
+            known: Known::default(),
             modified: Modified::at(SystemTime::now()),
             stopping: AtomicBool::new(false),
         }))
@@ -78,6 +81,7 @@ impl App {
             metrics: before.metrics.clone(),
             limits: before.limits,
             public_url: before.public_url.clone(),
+            known: Known::default(),
             modified: Modified::at(SystemTime::now()),
             stopping: AtomicBool::new(before.stopping.load(Relaxed)),
         }))

@@ -49,6 +49,61 @@ fn a_file_that_changes_is_noticed_and_a_broken_one_is_not_served() {
     server.wait().unwrap();
 }
 
+/// The second time a request's words are known, and the answer comes without reading them: no header, byte or count
+/// differs, nor does what a client's copy or another method is answered.
+#[test]
+fn the_same_words_get_the_same_answer() {
+    let (mut server, address) = serve(&[]);
+    let map = "/wms?SERVICE=WMS&VERSION=1.3.0&REQUEST=GetMap&LAYERS=texture&STYLES=&CRS=CRS:84&BBOX=11,46.9,11.05,46.95&WIDTH=64&HEIGHT=64&FORMAT=image/jpeg";
+    let tile = "/tiles/texture/WorldCRS84Quad/12/958/4346?f=jpeg";
+    // Its bytes depend on Accept-Encoding, so that its words alone say nothing.
+    let heights = "/tiles/elevation/WorldCRS84Quad/12/958/4346?f=bil16";
+    let head_of = |head: &str| {
+        let own = |line: &&str| !line.starts_with("x-request-id") && !line.starts_with("date");
+        let mut lines: Vec<String> = head.lines().filter(own).map(str::to_owned).collect();
+        lines[1..].sort_unstable();
+        lines
+    };
+    let check = |found: (Vec<String>, Vec<u8>), wanted: &(Vec<String>, Vec<u8>)| {
+        assert_eq!(found.0, wanted.0);
+        assert!(found.1 == wanted.1, "{} bytes, not those {}", found.1.len(), wanted.1.len());
+    };
+    let ask = |method: &str, path: &str, more: &str| {
+        let request = format!("{method} {path} HTTP/1.1\r\nHost: x\r\nConnection: close\r\n{more}\r\n");
+        let answer = process::exchange(&address, request.as_bytes());
+        (head_of(&answer.0), answer.1)
+    };
+    let memory_hits = || {
+        let metrics = String::from_utf8(get(&address, "/metrics").1).unwrap();
+        let hits = "treeline_tiles_total{layer=\"texture\",outcome=\"memory\"} ";
+        metrics.lines().find_map(|line| line.strip_prefix(hits)).unwrap().parse::<u64>().unwrap()
+    };
+    for path in [map, tile, heights] {
+        let first = ask("GET", path, "");
+        let tag = first.0.iter().find(|line| line.starts_with("etag")).unwrap().replace("etag: ", "");
+        let conditional = format!("If-None-Match: \"x\", {tag}\r\n");
+        // By other words, which nobody knows yet.
+        let unchanged = ask("GET", &format!("{path}&x=1"), &conditional);
+        assert!(unchanged.0[0].contains("304") && unchanged.1.is_empty(), "{unchanged:?}");
+        let before = memory_hits();
+        check(ask("GET", path, ""), &first);
+        check(ask("GET", path, ""), &first);
+        assert_eq!(memory_hits() - before, if path == heights { 0 } else { 2 });
+        check(ask("GET", path, &conditional), &unchanged);
+        check(ask("GET", path, "If-Modified-Since: Sun, 06 Nov 2033 08:49:37 GMT\r\n"), &unchanged);
+        check(ask("GET", path, "If-None-Match: \"x\"\r\n"), &first);
+        let (head, body) = ask("HEAD", path, "");
+        assert_eq!((head, body.len()), (first.0.clone(), 0));
+        assert!(ask("POST", path, "").0[0].contains("405"));
+    }
+    let plain = ask("GET", heights, "");
+    let packed = ask("GET", heights, "Accept-Encoding: gzip\r\n");
+    assert!(packed.0.iter().any(|line| line == "content-encoding: gzip") && packed.1 != plain.1);
+    check(ask("GET", heights, ""), &plain);
+    server.kill().unwrap();
+    server.wait().unwrap();
+}
+
 #[test]
 fn tiles_outlive_the_server_however_it_ends() {
     let folder = tempfile::tempdir().unwrap();

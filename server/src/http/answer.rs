@@ -100,7 +100,29 @@ pub async fn made(
         return Ok(unchanged);
     }
     let bytes = app.cache.get(key, maker).await?;
-    Ok(version.answer(bytes))
+    let mut response = version.answer(bytes);
+    response.extensions_mut().insert(Kept(key.clone()));
+    Ok(response)
+}
+
+/// Of an answer whose bytes are kept: their key.
+#[derive(Clone)]
+pub struct Kept(pub TileKey);
+
+/// Whether the client's copy has the tag, or, where it names none, is no older (RFC 9110, 13.2.2).
+pub fn is_known_version(headers: &HeaderMap, tag: &str, modified: &Modified) -> bool {
+    if headers.contains_key(header::IF_NONE_MATCH) {
+        let known = headers.get_all(header::IF_NONE_MATCH).iter().filter_map(|value| value.to_str().ok());
+        let bare = tag.trim_start_matches("W/");
+        return known
+            .flat_map(|list| list.split(','))
+            .map(|known| known.trim().trim_start_matches("W/"))
+            .any(|known| known == "*" || known == bare);
+    }
+    headers
+        .get(header::IF_MODIFIED_SINCE)
+        .and_then(|value| httpdate::parse_http_date(value.to_str().ok()?).ok())
+        .is_some_and(|since| since >= modified.time)
 }
 
 /// What tells one version of an answer from another (RFC 9110, 8.8).
@@ -116,28 +138,12 @@ struct Version<'a> {
 impl Version<'_> {
     /// 304 where the client's copy is this version.
     fn unchanged(&self, headers: &HeaderMap) -> Option<Response> {
-        if !self.is_known(headers) {
+        if !is_known_version(headers, &self.tag, self.modified) {
             return None;
         }
         let mut response = StatusCode::NOT_MODIFIED.into_response();
         self.describe(&mut response);
         Some(response)
-    }
-
-    /// Whether the client's copy has the tag, or, where it names none, is no older (RFC 9110, 13.2.2).
-    fn is_known(&self, headers: &HeaderMap) -> bool {
-        if headers.contains_key(header::IF_NONE_MATCH) {
-            let known = headers.get_all(header::IF_NONE_MATCH).iter().filter_map(|value| value.to_str().ok());
-            let bare = self.tag.trim_start_matches("W/");
-            return known
-                .flat_map(|list| list.split(','))
-                .map(|known| known.trim().trim_start_matches("W/"))
-                .any(|known| known == "*" || known == bare);
-        }
-        headers
-            .get(header::IF_MODIFIED_SINCE)
-            .and_then(|value| httpdate::parse_http_date(value.to_str().ok()?).ok())
-            .is_some_and(|since| since >= self.modified.time)
     }
 
     fn answer(&self, body: Bytes) -> Response {

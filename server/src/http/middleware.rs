@@ -47,7 +47,7 @@ pub async fn bounds(State(app): State<AppState>, request: Request, next: Next) -
 }
 
 /// Logs a request: what went wrong here as a warning, all else where somebody wants to know.
-fn tell(method: &Method, uri: &Uri, id: &HeaderValue, status: StatusCode, took: Duration) {
+pub fn tell(method: &Method, uri: &Uri, id: &HeaderValue, status: StatusCode, took: Duration) {
     // It has been looked at.
     let id = id.to_str().unwrap_or_default();
     let (path, query) = (uri.path(), uri.query().unwrap_or_default());
@@ -61,7 +61,7 @@ fn tell(method: &Method, uri: &Uri, id: &HeaderValue, status: StatusCode, took: 
 
 /// Any origin may time what it reads here, too: without this a page elsewhere cannot tell how many bytes
 /// its tiles were on the wire.
-pub async fn timing(mut response: Response) -> Response {
+pub fn timing<B>(mut response: Response<B>) -> Response<B> {
     response.headers_mut().insert("timing-allow-origin", HeaderValue::from_static("*"));
     response
 }

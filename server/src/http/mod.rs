@@ -3,6 +3,7 @@
 mod answer;
 mod base_url;
 mod description;
+mod known;
 mod layers;
 mod live;
 mod make;
@@ -23,6 +24,7 @@ mod world_wind;
 
 pub use answer::Modified;
 pub use description::describe;
+pub use known::Known;
 pub use layers::{extent, has_layer, layer_names, layers, maximum_level, minimum_level};
 pub use live::Live;
 pub use make::make;
@@ -32,9 +34,11 @@ pub use serve::serve;
 
 use crate::state::AppState;
 use axum::Router;
+use axum::body::Body;
 use axum::http::{HeaderName, StatusCode, Uri};
 use axum::response::Response;
 use axum::routing::get;
+use tower::ServiceBuilder;
 use tower_http::CompressionLevel;
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::compression::CompressionLayer;
@@ -70,16 +74,22 @@ pub fn router(state: AppState) -> Router {
         .route("/metrics", get(operations::metrics))
         .fallback(get(page::page).fallback(wrong_method))
         .method_not_allowed_fallback(wrong_method)
-        .layer(CatchPanicLayer::custom(middleware::on_panic))
-        .layer(axum::middleware::from_fn_with_state(state.clone(), middleware::bounds))
-        // zstd's own default. On a megabyte of heights brotli takes 9 ms at 3 (35 ms at its default) for the same size.
+        // One stack, outermost first: each `layer` of a router boxes every request and its answer once more.
         .layer(
-            CompressionLayer::new()
-                .quality(CompressionLevel::Precise(3))
-                .compress_when(middleware::is_compressible),
+            ServiceBuilder::new()
+                .layer(cors)
+                .map_response(middleware::timing)
+                // What compresses is two kilobytes of state even where it does not: it moves once.
+                .map_response(|response: Response<_>| response.map(Body::new))
+                // zstd's own default. On a megabyte of heights brotli takes 9 ms at 3 (35 ms at its default) for the same size.
+                .layer(
+                    CompressionLayer::new()
+                        .quality(CompressionLevel::Precise(3))
+                        .compress_when(middleware::is_compressible),
+                )
+                .layer(axum::middleware::from_fn_with_state(state.clone(), middleware::bounds))
+                .layer(CatchPanicLayer::custom(middleware::on_panic)),
         )
-        .layer(axum::middleware::map_response(middleware::timing))
-        .layer(cors)
         .with_state(state)
 }
 

@@ -10,10 +10,15 @@ impl Parameters {
     /// Parses a query string. A parameter given twice with different values is an error: which one
     /// is meant cannot be known.
     pub fn parse(query: &str) -> Result<Self, String> {
-        let mut found: Vec<(String, String)> = Vec::new();
+        let mut found: Vec<(String, String)> = Vec::with_capacity(16);
         for pair in query.split(['&']).filter(|pair| !pair.is_empty()) {
             let (name, value) = pair.split_once('=').unwrap_or((pair, ""));
-            let name = decode(name)?.to_uppercase();
+            let mut name = decode(name)?;
+            if name.is_ascii() {
+                name.make_ascii_uppercase();
+            } else {
+                name = name.to_uppercase();
+            }
             let value = decode(value)?;
             match found.iter().find(|(known, _)| *known == name) {
                 Some((_, first)) if *first != value => {
@@ -50,6 +55,9 @@ impl Parameters {
 
 /// Undoes percent encoding; a plus sign stays one, as in `1e+05` and `image/svg+xml`.
 fn decode(text: &str) -> Result<String, String> {
+    if !text.contains('%') {
+        return Ok(text.to_owned());
+    }
     percent_decode_str(text)
         .decode_utf8()
         .map(|text| text.into_owned())

@@ -1,14 +1,16 @@
 //! Accepting connections until told to stop.
 
-use super::Live;
+use super::{Live, known};
 use crate::limits::Limits;
 use axum::body::Body;
 use axum::extract::Request;
+use axum::response::Response;
 use hyper::body::Incoming;
 use hyper::server::conn::http1;
 use hyper::service::service_fn;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::server::graceful::GracefulShutdown;
+use std::convert::Infallible;
 use std::future::Future;
 use std::io;
 use std::sync::Arc;
@@ -55,8 +57,7 @@ pub async fn serve(
         let mut stream = Box::pin(TimeoutStream::new(stream));
         stream.as_mut().set_write_timeout_pinned(Some(Duration::from_secs(limits.write_timeout_seconds)));
         let live = live.clone();
-        let service =
-            service_fn(move |request: Request<Incoming>| live.router().oneshot(request.map(Body::new)));
+        let service = service_fn(move |request| answer(live.clone(), request));
         let connection = builder.serve_connection(TokioIo::new(stream), service);
         let connection = graceful.watch(connection);
         tokio::spawn(async move {
@@ -73,6 +74,20 @@ pub async fn serve(
         tracing::warn!("some connections were not done after {} seconds and were cut", DRAIN.as_secs());
     }
     Ok(())
+}
+
+/// Answers a request: from what is known word for word, else by the router.
+async fn answer(live: Live, request: Request<Incoming>) -> Result<Response, Infallible> {
+    let app = live.app();
+    if let Some(response) = known::answer(&app, &request).await {
+        return Ok(response);
+    }
+    let words = known::words(&request);
+    let mut response = live.router().oneshot(request.map(Body::new)).await?;
+    if let Some(words) = words {
+        known::remember(&app, words, &mut response).await;
+    }
+    Ok(response)
 }
 
 /// How connections are spoken with: HTTP/1.1, kept alive. (Its flushing for pipelines would copy every answer.)

@@ -25,8 +25,13 @@ pub fn serve(arguments: &[&str]) -> (Child, String) {
 
 /// Status line, headers and body of a request.
 pub fn get(address: &str, path: &str) -> (String, Vec<u8>) {
+    exchange(address, format!("GET {path} HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n").as_bytes())
+}
+
+/// Status line, headers and body of the answer to a request as it goes over the wire, after which the connection closes.
+pub fn exchange(address: &str, request: &[u8]) -> (String, Vec<u8>) {
     let mut stream = std::net::TcpStream::connect(address).unwrap();
-    write!(stream, "GET {path} HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n").unwrap();
+    stream.write_all(request).unwrap();
     let mut answer = Vec::new();
     stream.read_to_end(&mut answer).unwrap();
     let end = answer.windows(4).position(|window| window == b"\r\n\r\n").unwrap();

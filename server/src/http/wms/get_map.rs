@@ -75,7 +75,15 @@ fn is_tile(grid: &SampleGrid) -> bool {
 /// The media type of the layers' table that FORMAT names. Layers one over the other are a picture, in any format of
 /// pictures that one of them has.
 fn format(parameters: &Parameters, layers: &[Layer]) -> Result<Format, ServiceException> {
+    let text = parameters.require("FORMAT", "image/png")?;
     let single = layers.len() == 1;
+    // As it is spelt in the table, mostly.
+    if let &[layer] = layers
+        && layer.row().formats.contains(&text)
+        && let Some(format) = Format::from_media_type(layer, text)
+    {
+        return Ok(format);
+    }
     let mut formats: Vec<(Format, &str)> = Vec::new();
     for &layer in layers {
         for &name in layer.row().formats {
@@ -87,7 +95,6 @@ fn format(parameters: &Parameters, layers: &[Layer]) -> Result<Format, ServiceEx
             }
         }
     }
-    let text = parameters.require("FORMAT", "image/png")?;
     // Spaces (or the plus signs that stand for them) after the semicolon mean nothing.
     let plain = |text: &str| text.to_ascii_lowercase().replace([' ', '+'], "");
     let asked = plain(text);
