@@ -1,10 +1,11 @@
-//! How fast what is in the cache goes out, beside nginx that sends the same bytes from its disk: requests a second at 8
-//! and 64 connections by wrk, in turns, medians; processor time a request; answers 304. Wants wrk and nginx (Debian:
-//! `apt-get install wrk nginx-light`), and says so where they are not. One JSON object a line.
+//! How fast what is in the cache goes out, beside nginx that sends the same bytes from its disk and a bare axum that has
+//! them in memory: requests a second at 8 and 64 connections by wrk, in turns, medians; processor time a request;
+//! answers 304. Wants wrk and nginx (Debian: `apt-get install wrk nginx-light`), and says so where they are not. One JSON
+//! object a line.
 
 use anyhow::{Context, bail};
 use std::io::Read as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 use treeline_tests::program::{Process, Server};
 
@@ -53,7 +54,29 @@ fn processor_seconds(process: u32) -> anyhow::Result<f64> {
     Ok((fields[11].parse::<f64>()? + fields[12].parse::<f64>()?) / 100.0)
 }
 
-fn nginx(folder: &Path, port: u16) -> anyhow::Result<Process> {
+/// Its workers do not end with it unless it is told to stop.
+struct Nginx {
+    folder: PathBuf,
+    process: Process,
+}
+
+impl Nginx {
+    fn command(folder: &Path) -> Command {
+        let mut command = Command::new("nginx");
+        command.arg("-e").arg(folder.join("errors")).arg("-c").arg(folder.join("nginx.conf"));
+        command
+    }
+}
+
+impl Drop for Nginx {
+    fn drop(&mut self) {
+        if Self::command(&self.folder).args(["-s", "stop"]).status().is_ok_and(|status| status.success()) {
+            let _ = self.process.child().wait();
+        }
+    }
+}
+
+fn nginx(folder: &Path, port: u16) -> anyhow::Result<Nginx> {
     let root = folder.display();
     let configuration = format!(
         "daemon off; worker_processes 2; pid {root}/pid; error_log {root}/errors;\n\
@@ -64,17 +87,38 @@ fn nginx(folder: &Path, port: u16) -> anyhow::Result<Process> {
          server {{ listen 127.0.0.1:{port}; root {root}/www; }} }}\n"
     );
     std::fs::write(folder.join("nginx.conf"), configuration)?;
-    let mut command = Command::new("nginx");
-    command.arg("-e").arg(folder.join("errors")).arg("-c").arg(folder.join("nginx.conf"));
-    let process = Process::start(&mut command)?;
+    let process = Process::start(&mut Nginx::command(folder))?;
+    wait_for(&process, port)?;
+    Ok(Nginx { folder: folder.to_owned(), process })
+}
+
+/// The argument by which this program is the bare axum: a file and a port follow.
+const BARE: &str = "--bare";
+
+/// Answers everything with a file's bytes, until it is killed.
+fn bare_axum(file: &str, port: u16) -> anyhow::Result<()> {
+    let body = axum::body::Bytes::from(std::fs::read(file)?);
+    let answer = move || async move { ([("content-type", "image/jpeg")], body.clone()) };
+    tokio::runtime::Builder::new_multi_thread().enable_all().build()?.block_on(async {
+        let listener = tokio::net::TcpListener::bind(("127.0.0.1", port)).await?;
+        axum::serve(listener, axum::Router::new().fallback(answer)).await
+    })?;
+    Ok(())
+}
+
+fn free_port() -> anyhow::Result<u16> {
+    Ok(std::net::TcpListener::bind("127.0.0.1:0")?.local_addr()?.port())
+}
+
+fn wait_for(process: &Process, port: u16) -> anyhow::Result<()> {
     let start = std::time::Instant::now();
     while std::net::TcpStream::connect(("127.0.0.1", port)).is_err() {
         if start.elapsed().as_secs() > 10 {
-            bail!("nginx does not listen: {}", process.errors().join("\n"));
+            bail!("nobody listens on port {port}: {}", process.errors().join("\n"));
         }
         std::thread::sleep(std::time::Duration::from_millis(20));
     }
-    Ok(process)
+    Ok(())
 }
 
 fn median(mut values: Vec<f64>) -> f64 {
@@ -87,6 +131,13 @@ fn print(name: &str, value: f64, unit: &str) {
 }
 
 fn main() -> anyhow::Result<()> {
+    let arguments: Vec<String> = std::env::args().collect();
+    if let Some(at) = arguments.iter().position(|argument| argument == BARE) {
+        return bare_axum(
+            arguments.get(at + 1).context("a file")?,
+            arguments.get(at + 2).context("a port")?.parse()?,
+        );
+    }
     if ["wrk", "nginx"].iter().any(|program| Command::new(program).arg("-v").output().is_err()) {
         eprintln!("skipped: wants wrk and nginx (Debian: apt-get install wrk nginx-light)");
         return Ok(());
@@ -103,12 +154,19 @@ fn main() -> anyhow::Result<()> {
     // nginx's own workers may be another user's.
     #[cfg(unix)]
     std::fs::set_permissions(folder.path(), std::os::unix::fs::PermissionsExt::from_mode(0o755))?;
-    let port = std::net::TcpListener::bind("127.0.0.1:0")?.local_addr()?.port();
+    let port = free_port()?;
     let _nginx = nginx(folder.path(), port)?;
     let file = format!("http://127.0.0.1:{port}/tile.jpg");
+    let bare_port = free_port()?;
+    let tile = folder.path().join("www/tile.jpg");
+    let mut command = Command::new(std::env::current_exe()?);
+    let bare = Process::start(command.arg(BARE).arg(tile).arg(bare_port.to_string()))?;
+    wait_for(&bare, bare_port)?;
+    let bare = format!("http://127.0.0.1:{bare_port}/");
     print("the tile", body.len() as f64, "B");
     for connections in [8, 64] {
-        let (mut ratios, mut own, mut others, mut p99) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let (mut ratios, mut own, mut others) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut bare_ratios, mut p99, mut p99_ratios) = (Vec::new(), Vec::new(), Vec::new());
         let before = processor_seconds(server.id())?;
         let mut requests = 0.0;
         for _ in 0..ROUNDS {
@@ -119,13 +177,18 @@ fn main() -> anyhow::Result<()> {
             own.push(ours.requests_a_second);
             others.push(theirs.requests_a_second);
             p99.push(ours.p99);
+            let theirs = load(&bare, connections, None)?;
+            bare_ratios.push(theirs.requests_a_second / others[others.len() - 1]);
+            p99_ratios.push(ours.p99 / theirs.p99);
         }
         let used = processor_seconds(server.id())? - before;
         let of = |what: &str| format!("{connections} connections: {what}");
         print(&of("requests a second"), median(own), "1/s");
         print(&of("nginx's"), median(others), "1/s");
         print(&of("over nginx's"), median(ratios), "ratio");
+        print(&of("a bare axum over nginx"), median(bare_ratios), "ratio");
         print(&of("99th percentile"), median(p99), "ms");
+        print(&of("99th percentile over a bare axum's"), median(p99_ratios), "ratio");
         print(&of("processor time a request"), used / requests * 1e6, "us");
     }
     let mut their_tag = ureq::get(&file).call()?;
