@@ -191,6 +191,39 @@ fn main() -> anyhow::Result<()> {
         print(&of("99th percentile over a bare axum's"), median(p99_ratios), "ratio");
         print(&of("processor time a request"), used / requests * 1e6, "us");
     }
+    // Without memory, each answer is read from the folder of the cache.
+    let kept = tempfile::tempdir()?;
+    let configuration = kept.path().join("treeline.toml");
+    std::fs::write(&configuration, "memory_cache_mib = 0\n")?;
+    let (cache, configuration) = (kept.path().join("cache"), configuration.display().to_string());
+    let cache = cache.display().to_string();
+    let from_disk = Server::start(&["--config", &configuration, "--cache", &cache])?;
+    let disk_url = from_disk.url(MAP);
+    ureq::get(&disk_url).call()?;
+    // It is written after it has been answered.
+    std::thread::sleep(std::time::Duration::from_secs(2));
+    for connections in [8, 64] {
+        let before = processor_seconds(from_disk.id())?;
+        let (mut ratios, mut requests) = (Vec::new(), 0.0);
+        for _ in 0..ROUNDS {
+            let from_memory = load(&url, connections, None)?;
+            let from_folder = load(&disk_url, connections, None)?;
+            requests += from_folder.requests;
+            ratios.push(from_folder.requests_a_second / from_memory.requests_a_second);
+        }
+        let used = processor_seconds(from_disk.id())? - before;
+        print(
+            &format!("from the folder, {connections} connections: over from memory"),
+            median(ratios),
+            "ratio",
+        );
+        print(
+            &format!("from the folder, {connections} connections: processor time a request"),
+            used / requests * 1e6,
+            "us",
+        );
+    }
+    drop(from_disk);
     let mut their_tag = ureq::get(&file).call()?;
     let their_tag = their_tag.headers_mut().remove("etag").context("nginx's tag")?.to_str()?.to_owned();
     let (mut ratios, mut requests) = (Vec::new(), 0.0);

@@ -2,13 +2,14 @@
 
 use super::space::{INCOMPLETE, Space};
 use crate::digest::{Digest, checksum};
+use axum::body::Bytes;
 use std::fs::File;
 use std::io::{self, Read as _, Write as _};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
 /// First bytes of a file; the digit is the layout's version.
-const MAGIC: &[u8; 8] = b"TLCACHE1";
+const MAGIC: &[u8; 8] = b"TLCACHE2";
 /// Magic, length of the key, length of the payload, checksum of the payload.
 const HEADER: usize = 8 + 4 + 8 + 8;
 
@@ -58,7 +59,7 @@ impl DiskCache {
     }
 
     /// The payload, or `None` where there is no file or it is not whole.
-    pub fn read(&self, key: &str) -> Option<Vec<u8>> {
+    pub fn read(&self, key: &str) -> Option<Bytes> {
         let mut file = File::open(self.path(key)).ok()?;
         let metadata = file.metadata().ok()?;
         let mut bytes = Vec::with_capacity(usize::try_from(metadata.len()).ok()?);
@@ -84,8 +85,7 @@ impl DiskCache {
             // Where the system does not let us, the tile goes by when it was written.
             let _ = file.set_modified(now);
         }
-        bytes.drain(..payload);
-        Some(bytes)
+        Some(Bytes::from(bytes).slice(payload..))
     }
 
     /// Writes a file beside its place, waits until the disk has it, and renames it: readers see all of it or nothing,

@@ -145,7 +145,7 @@ impl TileCache {
     async fn read_disk(&self, key: &TileKey) -> Option<Bytes> {
         let disk = self.disk()?.clone();
         let text = key.text.clone();
-        tokio::task::spawn_blocking(move || disk.read(&text)).await.ok().flatten().map(Bytes::from)
+        tokio::task::spawn_blocking(move || disk.read(&text)).await.ok().flatten()
     }
 
     async fn make(self: &Arc<Self>, key: &TileKey, make: Maker) -> Result<Bytes, MakeError> {
