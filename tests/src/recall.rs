@@ -69,6 +69,9 @@ impl Tally {
     }
 }
 
+/// So near to a tile's edge, in texels, a place is on it: what filters the photo reads texels of both tiles there.
+const EDGE_TEXELS: f64 = 1.0 / 16.0;
+
 fn share(part: usize, whole: usize) -> f64 {
     part as f64 / whole.max(1) as f64
 }
@@ -128,22 +131,29 @@ impl Surveyor {
         };
         self.session.settle(&view(SIZE), &self.tiles)?;
         let engine = &self.session.engine;
-        let named = engine.visible().iter().copied().collect();
+        let named: BTreeSet<TileAddress> = engine.visible().iter().copied().collect();
         let threshold = engine.threshold().unwrap_or(1.0);
         let seen = ViewGeometry::new(&camera, SIZE[0], SIZE[1]);
         let texel_angle = self.texel_pixels * threshold * seen.pixel_angle;
-        let centres = self.hit(&self.session.capture()?, &seen, texel_angle);
+        let centres = self.hit(&self.session.capture()?, &seen, texel_angle, &named);
         let size = SIZE.map(|side| side * RAYS);
         self.session.draw(&view(size))?;
         let fine = ViewGeometry::new(&camera, size[0], size[1]);
         let capture = self.session.capture()?;
-        let needed = self.hit(&capture, &fine, texel_angle);
+        let needed = self.hit(&capture, &fine, texel_angle, &named);
         let misses = capture.distance.iter().filter(|distance| **distance < 0.0).count();
         Ok(Sight { needed, centres, named, misses, threshold })
     }
 
-    /// The tiles that a picture's rays hit, each on the level whose texel fills no more than an angle there.
-    fn hit(&self, capture: &Capture, view: &ViewGeometry, texel_angle: f64) -> BTreeSet<TileAddress> {
+    /// The tiles that a picture's rays hit, each on the level whose texel fills no more than an angle there. Where that is a
+    /// tile's edge, to a part of a texel, either tile will do: the other one is taken if it is named.
+    fn hit(
+        &self,
+        capture: &Capture,
+        view: &ViewGeometry,
+        texel_angle: f64,
+        named: &BTreeSet<TileAddress>,
+    ) -> BTreeSet<TileAddress> {
         let width = view.size[0] as usize;
         let deepest = self.ground.maximum_level;
         let rays = capture.distance.iter().enumerate().filter(|(_, distance)| **distance >= 0.0);
@@ -153,7 +163,15 @@ impl Surveyor {
             let place = view.geodetic(view.direction(x + 0.5, y + 0.5) * distance);
             let longest = texel_angle * distance;
             let level = (0..deepest).find(|&level| tile::cell_metres(level) <= longest).unwrap_or(deepest);
-            TileAddress::at(level, place.longitude, place.latitude)
+            let tile = TileAddress::at(level, place.longitude, place.latitude);
+            if named.contains(&tile) {
+                return tile;
+            }
+            let off = EDGE_TEXELS * tile::span_degrees(level) / f64::from(tile::CELLS);
+            let beside = [(off, 0.0), (-off, 0.0), (0.0, off), (0.0, -off)].map(|(east, north)| {
+                TileAddress::at(level, place.longitude + east, (place.latitude + north).clamp(-90.0, 90.0))
+            });
+            beside.into_iter().find(|other| named.contains(other)).unwrap_or(tile)
         })
         .collect()
     }
