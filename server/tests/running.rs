@@ -2,7 +2,7 @@
 
 mod process;
 
-use process::{get, serve, write_dem};
+use process::{get, hostile, killed, serve, write_dem, write_photo};
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::process::Command;
 
@@ -144,6 +144,41 @@ fn tiles_outlive_the_server_however_it_ends() {
 }
 
 #[test]
+fn killed_at_any_instant_it_has_lost_nothing_that_was_finished() {
+    let folder = tempfile::tempdir().unwrap();
+    let [dem, photo] = ["dem.tif", "photo.tif"].map(|name| folder.path().join(name));
+    write_dem(&dem, 64, |column, row| (column * row) as f32);
+    write_photo(&photo, 64, |column, row| [column as u8, row as u8, (column * row) as u8]);
+    let arguments = ["--dem", dem.to_str().unwrap(), "--photo", photo.to_str().unwrap()];
+    let map = |column: usize, row: usize| {
+        let (west, south) = (10.0 + 0.01 * column as f64, 45.6 + 0.01 * row as f64);
+        format!(
+            "/wms?SERVICE=WMS&VERSION=1.3.0&REQUEST=GetMap&LAYERS=texture&STYLES=&CRS=CRS:84&BBOX={west},{south},{},{}&WIDTH=128&HEIGHT=128&FORMAT=image/png",
+            west + 0.1,
+            south + 0.1
+        )
+    };
+    let (mut server, address) = serve(&arguments);
+    let paths = (0..300).map(|index| map(index % 20, index / 20));
+    let tiles: Vec<(String, Vec<u8>)> = paths.map(|path| (path.clone(), get(&address, &path).1)).collect();
+    server.kill().unwrap();
+    server.wait().unwrap();
+    let (mut finished, mut in_the_middle) = (0, 0);
+    for round in 0..5 {
+        let life = std::time::Duration::from_millis(20 + 35 * round);
+        let fresh = [map(30, 30), map(31, 30)];
+        let seen = killed::round(&serve, &arguments, &tiles, [&fresh[0], &fresh[1]], life);
+        assert_eq!((seen.wrong, seen.lost), (0, 0), "{seen:?}");
+        finished += seen.finished;
+        in_the_middle += usize::from(seen.answered > 0 && seen.answered < tiles.len());
+    }
+    assert!(
+        finished > 0 && in_the_middle > 0,
+        "{finished} tiles finished, {in_the_middle} kills in the middle"
+    );
+}
+
+#[test]
 fn whoever_dawdles_is_shown_out_and_the_rest_served() {
     let folder = tempfile::tempdir().unwrap();
     let config = folder.path().join("treeline.toml");
@@ -168,56 +203,13 @@ fn whoever_dawdles_is_shown_out_and_the_rest_served() {
 #[test]
 fn hostile_requests_are_refused_and_a_good_one_answered() {
     let (mut server, address) = serve(&[]);
-    let long = "x".repeat(1 << 20);
-    let map =
-        "/wms?SERVICE=WMS&VERSION=1.3.0&REQUEST=GetMap&LAYERS=texture&STYLES=&CRS=CRS:84&FORMAT=image/png";
-    let mut hostile: Vec<String> = Vec::new();
-    for size in ["0", "-1", "4097", "99999999999999999999", "1e3", "NaN", "0x10", ""] {
-        hostile.push(format!("GET {map}&BBOX=10,46,11,47&WIDTH={size}&HEIGHT=1 HTTP/1.1"));
-        hostile.push(format!("GET {map}&BBOX=10,46,11,47&WIDTH=1&HEIGHT={size} HTTP/1.1"));
-    }
-    for bounds in [
-        "NaN,46,11,47",
-        "10,46,inf,47",
-        "1e309,0,1,1",
-        "11,46,10,47",
-        "10,46,10,47",
-        "1,2,3",
-        "a,b,c,d",
-        ",,,",
-    ] {
-        hostile.push(format!("GET {map}&BBOX={bounds}&WIDTH=1&HEIGHT=1 HTTP/1.1"));
-    }
-    for layers in ["<script>", "..%2f..%2fetc%2fpasswd", "%00", "%ff", "elevation%0d%0aX:%20y"] {
-        hostile.push(format!("GET {} HTTP/1.1", map.replace("LAYERS=texture", &format!("LAYERS={layers}"))));
-    }
-    for path in [
-        "/../etc/passwd",
-        "/tiles/..%2f/x/0/0/0",
-        "/tiles/elevation/WebMercatorQuad/99/0/0",
-        "/trees/999",
-        "/%",
-    ] {
-        hostile.push(format!("GET {path} HTTP/1.1"));
-    }
-    hostile.push(format!("GET /wms?{long} HTTP/1.1"));
-    hostile.push(format!("GET /{long} HTTP/1.1"));
-    hostile.push(format!("GET / HTTP/1.1\r\nX: {long}"));
-    hostile.push("POST /wms HTTP/1.1\r\nContent-Length: 3\r\n\r\nabc".to_owned());
-    hostile.push("GET / HTTP/9.9".to_owned());
-    hostile.push("GET  /  HTTP/1.1".to_owned());
-    hostile.push("\u{1}\u{2}\u{3}".to_owned());
-    for request in &hostile {
-        let mut stream = std::net::TcpStream::connect(&address).unwrap();
-        // It may be answered, and the rest not read, before all is written.
-        let _ = write!(stream, "{request}\r\nHost: x\r\nConnection: close\r\n\r\n");
-        let mut answer = Vec::new();
-        let _ = stream.read_to_end(&mut answer);
-        let status = String::from_utf8_lossy(answer.get(..12).unwrap_or_default()).into_owned();
-        let shown = &request[..request.len().min(160)];
-        assert!(status.is_empty() || status.starts_with("HTTP/1.1 4"), "{shown}: {status}");
-        assert!(answer.len() < 4096, "{shown}: {} bytes", answer.len());
-    }
+    let all = hostile::all();
+    assert_eq!(all.len(), 500);
+    let wrong: Vec<String> = all
+        .iter()
+        .filter_map(|request| request.check(&request.send(&address).expect(&request.what)).err())
+        .collect();
+    assert!(wrong.is_empty(), "{} of {}:\n{}", wrong.len(), all.len(), wrong.join("\n"));
     assert!(get(&address, "/tiles/texture/WorldCRS84Quad/9/119/543?f=png").0.starts_with("HTTP/1.1 200"));
     let metrics = String::from_utf8(get(&address, "/metrics").1).unwrap();
     assert!(metrics.contains("treeline_responses_total{class=\"5xx\"} 0"), "{metrics}");

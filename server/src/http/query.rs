@@ -1,33 +1,38 @@
 //! The parameters of a request, as WMS reads them: names in any case, each once.
 
 use percent_encoding::percent_decode_str;
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 
-/// Parameters by upper-case name.
+/// Parameters by upper-case name; thousands take no longer each than a few do.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Parameters(Vec<(String, String)>);
+pub struct Parameters(BTreeMap<String, String>);
 
 impl Parameters {
     /// Parses a query string. A parameter given twice with different values is an error: which one
     /// is meant cannot be known.
     pub fn parse(query: &str) -> Result<Self, String> {
-        let mut found: Vec<(String, String)> = Vec::with_capacity(16);
+        let mut found = BTreeMap::new();
         for pair in query.split(['&']).filter(|pair| !pair.is_empty()) {
             let (name, value) = pair.split_once('=').unwrap_or((pair, ""));
+            let value = decode(value)?;
             let mut name = decode(name)?;
             if name.is_ascii() {
                 name.make_ascii_uppercase();
             } else {
                 name = name.to_uppercase();
             }
-            let value = decode(value)?;
-            match found.iter().find(|(known, _)| *known == name) {
-                Some((_, first)) if *first != value => {
+            match found.entry(name) {
+                Entry::Vacant(free) => {
+                    free.insert(value);
+                }
+                Entry::Occupied(taken) if *taken.get() != value => {
+                    let (name, first) = (taken.key(), taken.get());
                     return Err(format!(
                         "{name} is given twice, as \"{first}\" and as \"{value}\"; give it once"
                     ));
                 }
-                Some(_) => {}
-                None => found.push((name, value)),
+                Entry::Occupied(_) => {}
             }
         }
         Ok(Self(found))
@@ -35,16 +40,12 @@ impl Parameters {
 
     /// A parameter's value; an empty one counts as absent.
     pub fn get(&self, name: &str) -> Option<&str> {
-        self.0
-            .iter()
-            .find(|(known, _)| known == name)
-            .map(|(_, value)| value.as_str())
-            .filter(|value| !value.is_empty())
+        self.0.get(name).map(String::as_str).filter(|value| !value.is_empty())
     }
 
     /// Whether the parameter is there, even if empty.
     pub fn has(&self, name: &str) -> bool {
-        self.0.iter().any(|(known, _)| known == name)
+        self.0.contains_key(name)
     }
 
     /// The value of a parameter that must be there.

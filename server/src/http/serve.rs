@@ -1,9 +1,12 @@
 //! Accepting connections until told to stop.
 
+use super::answer::refusal;
 use super::{Live, known};
 use crate::limits::Limits;
 use axum::body::Body;
 use axum::extract::Request;
+use axum::http::header::HOST;
+use axum::http::{StatusCode, Version};
 use axum::response::Response;
 use hyper::body::Incoming;
 use hyper::server::conn::http1;
@@ -79,6 +82,10 @@ pub async fn serve(
 /// Answers a request: from what is known word for word, else by the router.
 async fn answer(live: Live, request: Request<Incoming>) -> Result<Response, Infallible> {
     let app = live.app();
+    if !names_one_host(&request) {
+        app.metrics.response(StatusCode::BAD_REQUEST.as_u16(), 0);
+        return Ok(refusal(StatusCode::BAD_REQUEST, "a request of HTTP/1.1 names its host, once"));
+    }
     if let Some(response) = known::answer(&app, &request).await {
         return Ok(response);
     }
@@ -88,6 +95,14 @@ async fn answer(live: Live, request: Request<Incoming>) -> Result<Response, Infa
         known::remember(&app, words, &mut response).await;
     }
     Ok(response)
+}
+
+/// Whether a request says once whom it asks, as all must since HTTP/1.1 (RFC 9112, 3.2): where there are two hosts,
+/// whatever stands before this server may have taken another one for it.
+fn names_one_host<B>(request: &Request<B>) -> bool {
+    let mut hosts = request.headers().get_all(HOST).iter();
+    let (first, second) = (hosts.next(), hosts.next());
+    second.is_none() && (first.is_some() || request.version() < Version::HTTP_11)
 }
 
 /// How connections are spoken with: HTTP/1.1, kept alive. (Its flushing for pipelines would copy every answer.)

@@ -1,6 +1,9 @@
 //! The server as a process, and a terrain model for it.
 #![allow(dead_code, reason = "each test file uses its part")]
 
+pub mod hostile;
+pub mod killed;
+
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};

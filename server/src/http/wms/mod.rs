@@ -33,10 +33,12 @@ pub async fn wms(State(app): State<AppState>, RawQuery(query): RawQuery, headers
         return world_wind::answer(&app, &parameters, &headers).await;
     }
     let version = Version::of_request(&parameters);
-    answer(&app, &parameters, version.as_ref().ok().copied(), &headers).await.unwrap_or_else(|exception| {
-        report::picture(&exception, &parameters, &app.limits)
-            .unwrap_or_else(|| exception.response(version.unwrap_or(Version::V1_3_0)))
-    })
+    match answer(&app, &parameters, version.as_ref().ok().copied(), &headers).await {
+        Ok(response) => response,
+        Err(exception) => report::picture(&app, &exception, &parameters)
+            .await
+            .unwrap_or_else(|| exception.response(version.unwrap_or(Version::V1_3_0))),
+    }
 }
 
 async fn answer(

@@ -9,6 +9,7 @@ use crate::limits::Limits;
 use crate::recipe::legend::drawing;
 use crate::recipe::lettering::{Canvas, LETTER, lines};
 use crate::recipe::{Format, encode_pixels};
+use crate::state::AppState;
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use treeline_core::layer::Layer;
@@ -60,37 +61,67 @@ impl Report {
     }
 }
 
-/// The picture that tells an error; `None` where the request does not ask for one, or not for one that can be.
-pub fn picture(exception: &ServiceException, parameters: &Parameters, limits: &Limits) -> Option<Response> {
-    let report = Report::of_request(parameters).ok().filter(|report| *report != Report::Xml)?;
-    let request = parameters.get("REQUEST")?;
-    if !request.eq_ignore_ascii_case("GetMap") && !request.eq_ignore_ascii_case("map") {
-        return None;
-    }
-    let (width, height) = size(parameters, limits).ok()?;
-    let asked = parameters.get("FORMAT")?;
-    let format = Format::ALL.into_iter().find(|format| {
-        format.is_picture() && format.media_type(Layer::Texture).eq_ignore_ascii_case(asked)
-    })?;
-    let transparent = get_map::transparent(parameters).unwrap_or(false);
-    let [red, green, blue] = get_map::background(parameters).unwrap_or([255; 3]);
-    let alpha = if transparent && format != Format::Jpeg { 0 } else { 255 };
-    let mut canvas = Canvas::new(width, height, [red, green, blue, alpha]);
-    if report == Report::InImage {
-        let letters = (width.saturating_sub(2 * MARGIN) / LETTER) as usize;
-        let lines = lines(exception.line(), letters);
-        // Readable whatever lies below.
-        canvas.fill([0, 0, width, 2 * MARGIN + lines.len() as u32 * LEADING], [255, 255, 255, 255]);
-        for (index, line) in lines.iter().enumerate() {
-            canvas.write(MARGIN, MARGIN + index as u32 * LEADING, line, INK);
-        }
-    }
-    let mut drawing = drawing(Layer::Texture, format, width, height);
-    drawing.transparent = transparent;
-    let bytes = encode_pixels(&drawing, canvas.pixels).ok()?;
-    let headers =
-        [(header::CONTENT_TYPE, format.content_type(Layer::Texture)), (header::CACHE_CONTROL, "no-store")];
+/// The picture that tells an error; `None` where the request does not ask for one, or not for one that can be, or where
+/// the server has too much to do.
+pub async fn picture(
+    app: &AppState,
+    exception: &ServiceException,
+    parameters: &Parameters,
+) -> Option<Response> {
+    let wanted = Wanted::of_request(parameters, &app.limits)?;
+    let content_type = wanted.format.content_type(Layer::Texture);
+    let line = exception.line().to_owned();
+    // As large as a map: for a worker, like all that takes time and memory.
+    let bytes = app.cache.workers().run(move || wanted.draw(&line)).await.ok()??;
+    let headers = [(header::CONTENT_TYPE, content_type), (header::CACHE_CONTROL, "no-store")];
     Some((StatusCode::OK, headers, bytes).into_response())
+}
+
+/// What a picture of an error is to look like.
+struct Wanted {
+    report: Report,
+    format: Format,
+    width: u32,
+    height: u32,
+    transparent: bool,
+    background: [u8; 3],
+}
+
+impl Wanted {
+    fn of_request(parameters: &Parameters, limits: &Limits) -> Option<Self> {
+        let report = Report::of_request(parameters).ok().filter(|report| *report != Report::Xml)?;
+        let request = parameters.get("REQUEST")?;
+        if !request.eq_ignore_ascii_case("GetMap") && !request.eq_ignore_ascii_case("map") {
+            return None;
+        }
+        let (width, height) = size(parameters, limits).ok()?;
+        let asked = parameters.get("FORMAT")?;
+        let format = Format::ALL.into_iter().find(|format| {
+            format.is_picture() && format.media_type(Layer::Texture).eq_ignore_ascii_case(asked)
+        })?;
+        let transparent = get_map::transparent(parameters).unwrap_or(false);
+        let background = get_map::background(parameters).unwrap_or([255; 3]);
+        Some(Self { report, format, width, height, transparent, background })
+    }
+
+    fn draw(&self, line: &str) -> Option<Vec<u8>> {
+        let [red, green, blue] = self.background;
+        let alpha = if self.transparent && self.format != Format::Jpeg { 0 } else { 255 };
+        let mut canvas = Canvas::new(self.width, self.height, [red, green, blue, alpha]);
+        if self.report == Report::InImage {
+            let letters = (self.width.saturating_sub(2 * MARGIN) / LETTER) as usize;
+            let lines = lines(line, letters);
+            // Readable whatever lies below.
+            let bottom = 2 * MARGIN + lines.len() as u32 * LEADING;
+            canvas.fill([0, 0, self.width, bottom], [255, 255, 255, 255]);
+            for (index, line) in lines.iter().enumerate() {
+                canvas.write(MARGIN, MARGIN + index as u32 * LEADING, line, INK);
+            }
+        }
+        let mut drawing = drawing(Layer::Texture, self.format, self.width, self.height);
+        drawing.transparent = self.transparent;
+        encode_pixels(&drawing, canvas.pixels).ok()
+    }
 }
 
 #[cfg(test)]
