@@ -316,21 +316,29 @@ fn average(
         ));
         Ok(())
     })?;
-    for (target, sum) in out.iter_mut().zip(&sums) {
-        *target = mean(*sum, n * n);
-    }
+    wide!(means(sums: &[[u32; 4]] = &sums, count: u32 = n * n, out: &mut [[u8; 4]] = out));
     Ok(())
 }
 
+#[inline(always)]
+fn means(sums: &[[u32; 4]], count: u32, out: &mut [[u8; 4]]) {
+    for (target, sum) in out.iter_mut().zip(sums) {
+        *target = mean(*sum, count);
+    }
+}
+
 /// Colour from sums of colour times coverage and of coverage, over `count` samples.
+#[inline(always)]
 fn mean(sum: [u32; 4], count: u32) -> [u8; 4] {
-    let full = 255.0 * PARTS * count as f32;
-    let alpha = (sum[3] as f32 / full * 255.0).round() as u8;
-    if alpha == 0 {
+    // Sums of a few hundred samples at most: as signed numbers, which processors convert at once.
+    let [red, green, blue, alpha] = sum.map(|value| value as i32 as f32);
+    let nearest = |part: f32| (255.0 * part + 0.5) as i32 as u8;
+    let coverage = nearest(alpha / (255.0 * PARTS * count as f32));
+    if coverage == 0 {
         return [0; 4];
     }
-    let colour = |channel: u32| (channel as f32 / sum[3] as f32 * 255.0).round().min(255.0) as u8;
-    [colour(sum[0]), colour(sum[1]), colour(sum[2]), alpha]
+    let colour = |channel: f32| nearest((channel / alpha).min(1.0));
+    [colour(red), colour(green), colour(blue), coverage]
 }
 
 /// Adds the samples of a block to the sums of a grid of `width` columns.
