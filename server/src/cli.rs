@@ -30,6 +30,16 @@ pub enum Command {
     Check(ServeArguments),
     /// Fill the folder of --cache with tiles; can be stopped and started again.
     Seed(SeedArguments),
+    /// Ask a running server whether it is ready: exit code 0, or 1 and why not.
+    Health(HealthArguments),
+}
+
+/// Whom to ask.
+#[derive(Clone, Debug, Args)]
+pub struct HealthArguments {
+    /// Where the server is.
+    #[arg(default_value = "http://127.0.0.1:8080", value_parser = crate::config::public_url)]
+    pub url: String,
 }
 
 /// Which scene.

@@ -12,6 +12,8 @@ static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 
 /// Exit code of `check` where something is wrong with a scene.
 const WRONG_SCENE: u8 = 1;
+/// Exit code of `health` where no server is ready.
+const NOT_READY: u8 = 1;
 /// Exit code of everything else that the caller can mend.
 const WRONG_USE: u8 = 2;
 
@@ -19,8 +21,9 @@ fn main() -> ExitCode {
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
         Err(error) if error.use_stderr() => {
-            let program =
-                std::env::args().nth(1).filter(|word| ["serve", "check", "seed"].contains(&word.as_str()));
+            let program = std::env::args()
+                .nth(1)
+                .filter(|word| ["serve", "check", "seed", "health"].contains(&word.as_str()));
             let program = program.map_or("treeline".to_owned(), |command| format!("treeline {command}"));
             return complain(&one_line(&error, &program), WRONG_USE);
         }
@@ -42,6 +45,7 @@ fn main() -> ExitCode {
         Command::Serve(arguments) => (commands::serve(arguments), WRONG_USE),
         Command::Check(arguments) => (commands::check(arguments), WRONG_SCENE),
         Command::Seed(arguments) => (commands::seed(arguments), WRONG_USE),
+        Command::Health(arguments) => (commands::health(arguments), NOT_READY),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -1,10 +1,12 @@
 //! The commands of the program, one file each.
 
 mod check;
+mod health;
 mod seed;
 mod serve;
 
 pub use check::check;
+pub use health::health;
 pub use seed::seed;
 pub use serve::serve;
 
