@@ -281,7 +281,7 @@ fn an_eye_below_the_canopy_sees_the_ground_before_it() {
 fn among_trees_the_ground_between_them_is_fine() {
     let tiles = RouterTiles::built_in().unwrap();
     let view = request(at(&tiles, [10.9340, 46.9118], 1.7, 300.0, -2.0), None);
-    let mut session = settled(&tiles, &view, 40.0, 200.0);
+    let session = settled(&tiles, &view, 40.0, 200.0);
     let hits = session.capture().unwrap().hit;
     let engine = &session.engine;
     let tables = engine.drawn_tables().unwrap();

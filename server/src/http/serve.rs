@@ -86,6 +86,11 @@ async fn answer(live: Live, request: Request<Incoming>) -> Result<Response, Infa
         app.metrics.response(StatusCode::BAD_REQUEST.as_u16(), 0);
         return Ok(refusal(StatusCode::BAD_REQUEST, "a request of HTTP/1.1 names its host, once"));
     }
+    // A server is asked for a path; a bare host and port is for proxies (RFC 9112, 3.2.3).
+    if request.uri().path_and_query().is_none() {
+        app.metrics.response(StatusCode::BAD_REQUEST.as_u16(), 0);
+        return Ok(refusal(StatusCode::BAD_REQUEST, "a request names a path, which begins with a slash"));
+    }
     if let Some(response) = known::answer(&app, &request).await {
         return Ok(response);
     }
