@@ -55,17 +55,22 @@ impl Process {
     /// Starts it; standard output is piped.
     pub fn start(command: &mut Command) -> anyhow::Result<Self> {
         let name = command.get_program().to_string_lossy().into_owned();
-        let mut child = command
+        let child = command
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
             .spawn()
             .with_context(|| format!("cannot start {name}"))?;
+        Ok(Self::of(child))
+    }
+
+    /// Takes a child over.
+    pub fn of(mut child: Child) -> Self {
         let errors = Arc::new(Mutex::new(VecDeque::new()));
         if let Some(stderr) = child.stderr.take() {
             drain(stderr, Arc::clone(&errors));
         }
-        Ok(Self { child, errors })
+        Self { child, errors }
     }
 
     /// The child.

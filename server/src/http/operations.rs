@@ -2,7 +2,7 @@
 
 use crate::http::answer::refusal;
 use crate::metrics::Gauge;
-use crate::source::upstream;
+use crate::source::{held_by_all, upstream};
 use crate::state::AppState;
 use axum::extract::State;
 use axum::http::{StatusCode, header};
@@ -63,6 +63,11 @@ pub async fn metrics(State(app): State<AppState>) -> Response {
             name: "treeline_disk_cache_evicted_tiles",
             help: "Tiles that had to leave the cache's folder since the start.",
             value: space.map_or(0, |space| space.evicted()),
+        },
+        Gauge {
+            name: "treeline_source_cache_bytes",
+            help: "Bytes of decoded source data, and of what is made of them, held in memory.",
+            value: held_by_all() as u64,
         },
         Gauge {
             name: "treeline_cache_bytes",

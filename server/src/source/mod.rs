@@ -23,6 +23,8 @@ pub mod upstream;
 mod wide;
 pub mod window;
 
+pub use geotiff::cache::held_by_all;
+
 #[cfg(test)]
 mod tests;
 

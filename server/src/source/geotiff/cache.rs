@@ -4,7 +4,16 @@
 use super::chunk::Samples;
 use std::collections::{BTreeMap, HashMap};
 use std::hash::Hash;
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+
+/// Bytes that all caches of this kind hold.
+static HELD_BY_ALL: AtomicUsize = AtomicUsize::new(0);
+
+/// Bytes that all caches of this kind hold now: decoded chunks, and what is made of them.
+pub fn held_by_all() -> usize {
+    HELD_BY_ALL.load(Relaxed)
+}
 
 /// Bytes that all open rasters together keep decoded.
 pub const CACHE_BYTES: usize = 256 << 20;
@@ -33,6 +42,13 @@ type Slot<V, E> = Arc<OnceLock<Result<Arc<V>, E>>>;
 pub struct MakerCache<K, V, E> {
     inner: Mutex<Inner<K, V, E>>,
     limit: usize,
+}
+
+impl<K, V, E> Drop for MakerCache<K, V, E> {
+    fn drop(&mut self) {
+        let inner = self.inner.get_mut().unwrap_or_else(PoisonError::into_inner);
+        HELD_BY_ALL.fetch_sub(inner.bytes, Relaxed);
+    }
 }
 
 struct Inner<K, V, E> {
@@ -112,10 +128,12 @@ impl<K: Copy + Eq + Hash, V: Weigh, E: Clone> MakerCache<K, V, E> {
         if let Some(bytes) = bytes {
             held.bytes = bytes;
             inner.bytes += bytes;
+            HELD_BY_ALL.fetch_add(bytes, Relaxed);
             while inner.bytes > self.limit {
                 let Some((_, oldest)) = inner.order.pop_first() else { break };
                 if let Some(gone) = inner.slots.remove(&oldest) {
                     inner.bytes -= gone.bytes;
+                    HELD_BY_ALL.fetch_sub(gone.bytes, Relaxed);
                 }
             }
         } else {
@@ -134,7 +152,6 @@ impl<K: Copy + Eq + Hash, V: Weigh, E: Clone> MakerCache<K, V, E> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::sync::atomic::{AtomicUsize, Ordering};
 
     #[test]
     fn bounded_and_least_recently_used_first_out() {
@@ -143,7 +160,7 @@ mod tests {
         let get = |index| {
             cache
                 .get((0, 0, index), || {
-                    made.fetch_add(1, Ordering::Relaxed);
+                    made.fetch_add(1, Relaxed);
                     Ok(Samples::U8(vec![index as u8; 10]))
                 })
                 .unwrap()
@@ -156,11 +173,11 @@ mod tests {
         get(3);
         assert!(!cache.holds(&(0, 0, 1)));
         assert_eq!(cache.bytes(), 30);
-        assert_eq!(made.load(Ordering::Relaxed), 4);
+        assert_eq!(made.load(Relaxed), 4);
         get(0);
-        assert_eq!(made.load(Ordering::Relaxed), 4, "0 was used after 1");
+        assert_eq!(made.load(Relaxed), 4, "0 was used after 1");
         get(1);
-        assert_eq!(made.load(Ordering::Relaxed), 5, "1 was the oldest");
+        assert_eq!(made.load(Relaxed), 5, "1 was the oldest");
     }
 
     #[test]
@@ -174,14 +191,14 @@ mod tests {
                     barrier.wait();
                     cache
                         .get((1, 0, 0), || {
-                            made.fetch_add(1, Ordering::Relaxed);
+                            made.fetch_add(1, Relaxed);
                             Ok(Samples::U8(vec![1]))
                         })
                         .unwrap();
                 });
             }
         });
-        assert_eq!(made.load(Ordering::Relaxed), 1);
+        assert_eq!(made.load(Relaxed), 1);
         assert_eq!(cache.get((1, 0, 1), || Err("damaged".to_owned())).unwrap_err(), "damaged");
         assert!(cache.get((1, 0, 1), || Ok(Samples::U8(vec![1]))).is_ok());
     }
