@@ -6,7 +6,8 @@ use std::process::ExitCode;
 use treeline_server::cli::{Cli, Command, one_line};
 use treeline_server::commands;
 
-/// Requests are many small allocations; the C library's allocator takes a quarter of their time, and musl's much more.
+/// A request is some hundred small allocations, which were a third of its instructions with the C library's allocator
+/// (docs/decisions/0020).
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 

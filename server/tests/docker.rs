@@ -102,7 +102,9 @@ fn nginx(own: &Path, upstream: &str) -> Option<(Child, String)> {
     let checked = command(&["-t"]).output().ok()?;
     assert!(checked.status.success(), "{}", String::from_utf8_lossy(&checked.stderr));
     let child = command(&["-g", "daemon off; master_process off;"]).stderr(Stdio::null()).spawn().unwrap();
+    let start = std::time::Instant::now();
     while std::net::TcpStream::connect(&address).is_err() {
+        assert!(start.elapsed().as_secs() < 20, "nginx does not listen at {address}");
         std::thread::sleep(std::time::Duration::from_millis(20));
     }
     Some((child, address))

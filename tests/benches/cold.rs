@@ -140,7 +140,7 @@ struct Kind<'a> {
 fn compare(kind: &Kind, server: &Server, peer: Option<&mapserver::MapServer>) -> anyhow::Result<()> {
     let Some(mut gdal) = Gdal::start(kind.theirs, kind.file)? else { return Ok(()) };
     let mut ours = Connection::open(server.address())?;
-    let mut numbers = Numbers::new(kind.name.len() as u64);
+    let mut numbers = Numbers::new(kind.name.len() as u32);
     let mut own = vec![Vec::new(); kind.formats.len()];
     let (mut theirs, mut peers) = (Vec::new(), Vec::new());
     for turn in 0..WARM + BOXES {

@@ -85,7 +85,7 @@ fn client(
     stop: &AtomicBool,
     answers: &AtomicU64,
 ) -> anyhow::Result<()> {
-    let mut numbers = Numbers::new(seed as u64 + 1);
+    let mut numbers = Numbers::new(seed as u32 + 1);
     let mut connection = Connection::open(address)?;
     while !stop.load(Relaxed) {
         let (path, headers) = place.request(&mut numbers);

@@ -7,6 +7,7 @@ use anyhow::{Context, bail};
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use treeline_tests::measure::{median, print};
 use treeline_tests::program::{Process, Server};
 
 /// A photo tile of 512 × 512 as a map of any box.
@@ -121,15 +122,6 @@ fn wait_for(process: &Process, port: u16) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values[values.len() / 2]
-}
-
-fn print(name: &str, value: f64, unit: &str) {
-    println!("{}", serde_json::json!({ "name": name, "value": value, "unit": unit }));
-}
-
 fn main() -> anyhow::Result<()> {
     let arguments: Vec<String> = std::env::args().collect();
     if let Some(at) = arguments.iter().position(|argument| argument == BARE) {
@@ -183,12 +175,12 @@ fn main() -> anyhow::Result<()> {
         }
         let used = processor_seconds(server.id())? - before;
         let of = |what: &str| format!("{connections} connections: {what}");
-        print(&of("requests a second"), median(own), "1/s");
-        print(&of("nginx's"), median(others), "1/s");
-        print(&of("over nginx's"), median(ratios), "ratio");
-        print(&of("a bare axum over nginx"), median(bare_ratios), "ratio");
-        print(&of("99th percentile"), median(p99), "ms");
-        print(&of("99th percentile over a bare axum's"), median(p99_ratios), "ratio");
+        print(&of("requests a second"), median(&own), "1/s");
+        print(&of("nginx's"), median(&others), "1/s");
+        print(&of("over nginx's"), median(&ratios), "ratio");
+        print(&of("a bare axum over nginx"), median(&bare_ratios), "ratio");
+        print(&of("99th percentile"), median(&p99), "ms");
+        print(&of("99th percentile over a bare axum's"), median(&p99_ratios), "ratio");
         print(&of("processor time a request"), used / requests * 1e6, "us");
     }
     // Without memory, each answer is read from the folder of the cache.
@@ -214,7 +206,7 @@ fn main() -> anyhow::Result<()> {
         let used = processor_seconds(from_disk.id())? - before;
         print(
             &format!("from the folder, {connections} connections: over from memory"),
-            median(ratios),
+            median(&ratios),
             "ratio",
         );
         print(
@@ -235,7 +227,7 @@ fn main() -> anyhow::Result<()> {
         ratios.push(ours.requests_a_second / theirs.requests_a_second);
     }
     let used = processor_seconds(server.id())? - before;
-    print("304, 8 connections: over nginx's", median(ratios), "ratio");
+    print("304, 8 connections: over nginx's", median(&ratios), "ratio");
     print("304: processor time a request", used / requests * 1e6, "us");
     Ok(())
 }

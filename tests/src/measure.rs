@@ -1,6 +1,7 @@
 //! What benches measure with: order statistics, a process's memory, lines of results.
 
 use anyhow::Context;
+use treeline_core::hash::{hash, minimal_standard, uniform};
 
 /// Prints a result as `cargo xtask bench` reads it.
 pub fn print(name: &str, value: f64, unit: &str) {
@@ -56,32 +57,28 @@ pub fn setting(name: &str, otherwise: u64) -> u64 {
     }
 }
 
-/// A generator of the same numbers each time.
-pub struct Numbers(u64);
+/// The same random numbers each time.
+pub struct Numbers(u32);
 
 impl Numbers {
-    /// By a seed.
-    pub fn new(seed: u64) -> Self {
-        Self(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1)
+    /// By a seed: neighbours give other numbers.
+    pub fn new(seed: u32) -> Self {
+        Self(1 + hash(seed, 0, 0) % 0x7fff_fffe)
     }
 
-    /// The next.
-    pub fn word(&mut self) -> u64 {
-        // xorshift64*
-        self.0 ^= self.0 >> 12;
-        self.0 ^= self.0 << 25;
-        self.0 ^= self.0 >> 27;
-        self.0.wrapping_mul(0x2545_f491_4f6c_dd1d)
+    fn next_state(&mut self) -> u32 {
+        self.0 = minimal_standard(self.0);
+        self.0
     }
 
-    /// The next from 0 to 1.
+    /// The next from 0 to 1, 1 excluded.
     pub fn unit(&mut self) -> f64 {
-        (self.word() >> 11) as f64 / (1_u64 << 53) as f64
+        f64::from(uniform(self.next_state()))
     }
 
     /// The next below `count`.
     pub fn below(&mut self, count: usize) -> usize {
-        (self.word() >> 33) as usize % count
+        self.next_state() as usize % count
     }
 }
 
@@ -104,6 +101,6 @@ mod tests {
         assert!((0.45..0.55).contains(&mean), "{mean}");
         let first: Vec<usize> = (0..1000).map(|_| other.below(10)).collect();
         assert!((0..10).all(|value| first.contains(&value)));
-        assert_ne!(Numbers::new(8).word(), Numbers::new(7).word());
+        assert_ne!(Numbers::new(8).unit(), Numbers::new(7).unit());
     }
 }
