@@ -16,6 +16,8 @@ const MARK_WANTED: u32 = 16u;
 const MARK_RADIAL: u32 = 7u;
 const MARK_COARSER: u32 = 5u;
 const MOST_COARSER: u32 = 9u;
+// All of how many levels coarser than the coarsest map's is wanted.
+const MARKS_COARSER: u32 = ((2u << MOST_COARSER) - 1u) << MARK_COARSER;
 // A pixel of the next finer level blends into this cell's texels.
 const MARK_BLENDED: u32 = 0x8000u;
 // Share of a band's far end at which that begins: 2^−0.25, as the photo blends (`PHOTO_BLEND`).

@@ -64,8 +64,10 @@ fn choose_cells(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let marks = atomicLoad(&cells[index]);
     let patterned = map == stack.pattern_map;
-    // What pixels have named needs no box.
-    if (marks & MARK_WANTED) != 0u && (!patterned || (marks & MARK_RADIAL) != 0u) {
+    // What pixels have named needs no box, unless it is on the coarsest map and reaches through more levels than they
+    // have named.
+    let named = (marks & MARK_WANTED) != 0u && (!patterned || (marks & MARK_RADIAL) != 0u);
+    if named && map > 0u {
         return;
     }
     let place = vec2<u32>(index % MAP_SIDE, (index % MAP_CELLS) / MAP_SIDE);
@@ -77,6 +79,9 @@ fn choose_cells(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let box = ground_box(map, vec2<f32>(place), vec2<f32>(place + 1u), stack.heights);
     let range = distance_range(box, vec3<f32>(0.0));
+    if named && (wanted_marks(map, max(range.x, reach.x), range.y) & MARKS_COARSER & ~marks) == 0u {
+        return;
+    }
     var candidate = range.x < reach.y && range.y >= reach.x && !outside_picture(box, vec3<f32>(0.0), 1.0);
     if !candidate && ahead {
         let origin = stack.look_ahead.xyz;
@@ -306,7 +311,7 @@ fn write_cells(@builtin(global_invocation_id) id: vec3<u32>) {
         }
         var smallest = coarsest + firstTrailingBit(levels);
         var largest = coarsest + firstLeadingBit(levels);
-        let coarser = (marks >> MARK_COARSER) & ((2u << MOST_COARSER) - 1u);
+        let coarser = (marks & MARKS_COARSER) >> MARK_COARSER;
         if coarser != 0u {
             smallest -= min(firstLeadingBit(coarser), smallest);
             if levels == 1u {

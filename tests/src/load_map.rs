@@ -1,14 +1,41 @@
 //! The Tile Load Map of a [`TileWorld`] by the twin, and the truth about the tiles that a picture shows.
 
-use crate::tile_world::{Frame, TileWorld};
+use crate::tile_world::{Frame, TileWorld, alpine_height, sampled};
 use glam::{DVec3, UVec2};
 use std::collections::BTreeSet;
 use treeline_client::stream::load_map::stack::{Stack, StackOptions};
 use treeline_client::stream::root_grid::RootGrid;
 use treeline_client::stream::view::ViewGeometry;
 use treeline_core::camera::GeographicCamera;
+use treeline_core::grid::LatticeWindow;
 use treeline_core::tile::TileAddress;
 use treeline_shaders::twin::load_map::LoadMap as Twin;
+
+/// Deepest level of the photo: two more than the tiles of the world.
+pub const DEEPEST: u8 = 15;
+
+/// 2 × 2 tiles of level 11 about a place, finer about their middle.
+pub fn world_about(lon: f64, lat: f64, samples: &dyn Fn(&LatticeWindow) -> Vec<f32>) -> TileWorld {
+    let root = TileAddress::at(11, lon, lat);
+    let middle = TileAddress { level: 11, row: root.row + 1, column: root.column + 1 }.bounds();
+    let split = |square: TileAddress| {
+        let (lon, lat) = square.bounds().centre();
+        let away = (lon - middle.west).hypot(lat - middle.north);
+        square.level < 13 && away < f64::from(14 - square.level) * 0.022
+    };
+    TileWorld::sampled(root, [2, 2], samples, &split, &|_| false, &|_| 1.0)
+}
+
+/// Hills by a formula.
+pub fn analytic_world() -> TileWorld {
+    world_about(11.0, 47.0, &|window| sampled(window, &alpine_height))
+}
+
+/// Height of a world's surface at a place.
+pub fn ground(world: &TileWorld, lon: f64, lat: f64) -> f64 {
+    let (tile, place) = world.tile_at(lon, lat).expect("a place of the world");
+    tile.surface(place).expect("no void")
+}
 
 /// A view of a world, with the stack of maps that the client makes for it.
 pub struct Scene<'a> {

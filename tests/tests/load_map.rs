@@ -3,32 +3,16 @@
 use std::collections::BTreeSet;
 use std::sync::LazyLock;
 use treeline_core::camera::GeographicCamera;
-use treeline_core::grid::LatticeWindow;
 use treeline_core::tile::TileAddress;
 use treeline_server::source::{HeightField, SampleGrid, procedural};
 use treeline_shaders::load_map::{VISIBLE, WANTED};
-use treeline_tests::load_map::Scene;
-use treeline_tests::tile_world::{TileWorld, alpine_height, sampled};
+use treeline_tests::load_map::{DEEPEST, Scene, analytic_world, ground, world_about};
+use treeline_tests::tile_world::TileWorld;
 
 const SIZE: [u32; 2] = [160, 128];
-/// Deepest level of the photo: two more than the tiles of the world.
-const DEEPEST: u8 = 15;
-
-/// 2 × 2 tiles of level 11 about a place, finer about their middle.
-fn world_about(lon: f64, lat: f64, samples: &dyn Fn(&LatticeWindow) -> Vec<f32>) -> TileWorld {
-    let root = TileAddress::at(11, lon, lat);
-    let middle = TileAddress { level: 11, row: root.row + 1, column: root.column + 1 }.bounds();
-    let split = |square: TileAddress| {
-        let (lon, lat) = square.bounds().centre();
-        let away = (lon - middle.west).hypot(lat - middle.north);
-        square.level < 13 && away < f64::from(14 - square.level) * 0.022
-    };
-    TileWorld::sampled(root, [2, 2], samples, &split, &|_| false, &|_| 1.0)
-}
 
 fn alps() -> &'static TileWorld {
-    static WORLD: LazyLock<TileWorld> =
-        LazyLock::new(|| world_about(11.0, 47.0, &|window| sampled(window, &alpine_height)));
+    static WORLD: LazyLock<TileWorld> = LazyLock::new(analytic_world);
     &WORLD
 }
 
@@ -41,12 +25,6 @@ fn built_in() -> TileWorld {
         field.sample(&SampleGrid::Lattice(*window), &mut heights).expect("the field answers everywhere");
         heights
     })
-}
-
-/// Height of a world's surface at a place.
-fn ground(world: &TileWorld, lon: f64, lat: f64) -> f64 {
-    let (tile, place) = world.tile_at(lon, lat).expect("a place of the world");
-    tile.surface(place).expect("no void")
 }
 
 /// Views over the middle of a world, oblique ones and panoramas: pitch, and height above the ground.

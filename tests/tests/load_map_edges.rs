@@ -93,3 +93,18 @@ fn over_a_pole_a_view_settles_without_a_hole() {
         assert!(sight.named.len() >= 16, "{} tiles", sight.named.len());
     }
 }
+
+/// The tile of the coarsest map holds the nearer part of a far ridge, which shows only between pixels, and its farther part,
+/// which wants a level coarser and which pixels hit.
+#[test]
+fn on_the_coarsest_map_every_level_in_sight_is_named() {
+    let server = Server::start(&[]).unwrap();
+    let mut surveyor = Surveyor::new(&server.url("")).unwrap();
+    let view = camera(11.043_460_399_727_337, 46.991_962_968_371_81, 3_216.289, 47.523, -3.977);
+    let sight = surveyor.look(view).unwrap();
+    let mut tally = Tally::default();
+    tally.add(&sight);
+    println!("{tally:?}, {sight:?}");
+    assert_eq!(tally.recall(), 1.0);
+    assert!(tally.precision() >= 0.7, "{tally:?}");
+}

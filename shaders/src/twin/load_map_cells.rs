@@ -30,6 +30,9 @@ const RISE_BETWEEN_NODES: f32 = 0.5;
 /// How often that is done.
 const DEEPEST_PART: u32 = 2;
 
+/// All of how many levels coarser than the coarsest map's is wanted.
+const MARKS_COARSER: u32 = ((2 << MOST_COARSER) - 1) << MARK_COARSER;
+
 fn reach_of<T: Texels>(map: &LoadMap<'_, T>, of: u32) -> Vec2 {
     let [near, far] = map.stack.levels[of as usize].band;
     if of == map.stack.pattern_map {
@@ -64,12 +67,14 @@ fn place_of(index: u32) -> UVec2 {
     UVec2::new(index % SIDE, index % MAP_CELLS / SIDE)
 }
 
-/// Names the cell a candidate if its box may be visible, or will be.
+/// Names the cell a candidate if its box may be visible, or will be. What pixels have named needs no box, unless it is on
+/// the coarsest map and reaches through more levels than they have named.
 pub fn choose_cells<T: Texels>(map: &mut LoadMap<'_, T>, index: u32) {
     let of = index / MAP_CELLS;
     let marks = map.cells[index as usize];
     let patterned = of == map.stack.pattern_map;
-    if marks & MARK_WANTED != 0 && (!patterned || marks & MARK_RADIAL != 0) {
+    let named = marks & MARK_WANTED != 0 && (!patterned || marks & MARK_RADIAL != 0);
+    if named && of > 0 {
         return;
     }
     let place = place_of(index);
@@ -82,6 +87,12 @@ pub fn choose_cells<T: Texels>(map: &mut LoadMap<'_, T>, index: u32) {
     }
     let heights = Vec2::from_array(map.stack.heights);
     let ground = ground_box(map, of, place.as_vec2(), (place + 1).as_vec2(), heights);
+    if named {
+        let range = distance_range(&ground, Vec3::ZERO);
+        if map.wanted_marks(of, range.x.max(reach.x), range.y) & MARKS_COARSER & !marks == 0 {
+            return;
+        }
+    }
     let may_show = |origin: Vec3, widening: f32| {
         let range = distance_range(&ground, origin);
         range.x < reach.y && range.y >= reach.x && !outside_picture(map, &ground, origin, widening)
@@ -277,7 +288,7 @@ pub fn write_cell<T: Texels>(map: &mut LoadMap<'_, T>, index: u32) {
         }
         let mut smallest = coarsest + levels.trailing_zeros();
         let mut largest = coarsest + levels.ilog2();
-        let coarser = (marks >> MARK_COARSER) & ((2 << MOST_COARSER) - 1);
+        let coarser = (marks & MARKS_COARSER) >> MARK_COARSER;
         if coarser != 0 {
             smallest -= coarser.ilog2().min(smallest);
             if levels == 1 {
