@@ -183,10 +183,12 @@ fn mark_quad(corner: u32, quad: vec2<u32>) -> vec4<f32> {
     let seen = select(vec4<f32>(ENDLESS), at, hits);
     let nearest = min(min(seen.x, seen.y), min(seen.z, seen.w));
     let farthest = max(max(seen.x, seen.y), max(seen.z, seen.w));
+    // Half a pixel of the picture lies beyond the outermost centres: what is nearer may begin there.
+    let outermost = any(quad == vec2<u32>(0u)) || any(quad == view.size);
     if !any(hits) {
-        return vec4<f32>(NO_DISTANCES.xy, nearest, farthest);
+        return vec4<f32>(select(NO_DISTANCES.xy, vec2<f32>(0.0, ENDLESS), outermost), nearest, farthest);
     }
-    let gap = vec4<f32>(nearest, farthest, nearest, farthest);
+    let gap = vec4<f32>(select(nearest, 0.0, outermost), farthest, nearest, farthest);
     if !all(hits) {
         return gap;
     }
@@ -210,7 +212,7 @@ fn mark_quad(corner: u32, quad: vec2<u32>) -> vec4<f32> {
     if apart || (patterned && parts(stack.pattern_map, low, high)) {
         mark_between(corner, quad, low);
     }
-    return vec4<f32>(NO_DISTANCES.xy, nearest, farthest);
+    return vec4<f32>(select(NO_DISTANCES.xy, gap.xy, outermost), nearest, farthest);
 }
 
 @compute @workgroup_size(8, 8)

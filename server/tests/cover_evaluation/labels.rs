@@ -47,6 +47,7 @@ fn labels_are_what_their_readers_expect() {
     for (name, count) in [
         ("hong_kong.csv", 299),
         ("hong_kong_again.csv", 299),
+        ("hong_kong_blind.csv", 299),
         ("minnesota_map.csv", 150),
         ("jotunheimen_map.csv", 150),
     ] {

@@ -140,11 +140,13 @@ fn mark_quad<T: Texels>(map: &mut LoadMap<'_, T>, corners: [Sample; 4], quad: UV
     let seen = corners.map(|corner| if corner.distance >= 0.0 { corner.distance } else { ENDLESS });
     let nearest = seen.into_iter().fold(ENDLESS, f32::min);
     let farthest = seen.into_iter().fold(0.0, f32::max);
+    // Half a pixel of the picture lies beyond the outermost centres: what is nearer may begin there.
+    let outermost = quad.cmpeq(UVec2::ZERO).any() || quad.cmpeq(UVec2::from_array(map.world.view.size)).any();
     let none = Vec4::new(NO_DISTANCES.x, NO_DISTANCES.y, nearest, farthest);
     if corners.iter().all(|corner| corner.distance < 0.0) {
-        return none;
+        return if outermost { Vec4::new(0.0, ENDLESS, nearest, farthest) } else { none };
     }
-    let gap = Vec4::new(nearest, farthest, nearest, farthest);
+    let gap = Vec4::new(if outermost { 0.0 } else { nearest }, farthest, nearest, farthest);
     if corners.iter().any(|corner| corner.distance < 0.0) {
         return gap;
     }
@@ -166,7 +168,7 @@ fn mark_quad<T: Texels>(map: &mut LoadMap<'_, T>, corners: [Sample; 4], quad: UV
     if coarsest != finest || parts(finest) || (patterned && parts(pattern_map)) {
         mark_between(map, corners, quad, low);
     }
-    none
+    if outermost { gap } else { none }
 }
 
 /// Counts and marks what every pixel hits, and makes mip 0 of the pyramid.
