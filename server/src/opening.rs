@@ -87,6 +87,8 @@ pub fn open_file(file: &SceneFile) -> Result<Opened, UserError> {
             source: options(&dem.crs, dem.nodata),
             vertical_scale: dem.vertical_scale,
             vertical_offset: dem.vertical_offset,
+            bounds: dem.bounds(),
+            resolution_metres: dem.resolution_metres,
         },
     )?;
     facts.push(("terrain", height.describe().to_string()));

@@ -18,6 +18,7 @@
 
 use crate::source::growth::Growths;
 use crate::source::upstream;
+use crate::source::upstream::heights;
 use crate::source::upstream::pictures::DEEPEST_ZOOM;
 use crate::species_setting::{self, SpeciesSetting, growth_of};
 use crate::toml_file;
@@ -30,6 +31,7 @@ use treeline_core::codec::land_cover::CodeBits;
 use treeline_core::layer::SurfaceType;
 use treeline_core::scene::Place;
 use treeline_core::seeds::Species;
+use treeline_core::tile::GeographicBox;
 
 /// What is shown.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -70,7 +72,7 @@ pub struct SceneFile {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DemSource {
-    /// The GeoTIFF.
+    /// The GeoTIFF; or the address of a WMS with its layer, `https://…/wms?LAYERS=…`, of which [`Self::bbox`] is fetched.
     pub path: PathBuf,
     /// `EPSG:N`, in place of what the file says.
     #[serde(default)]
@@ -87,6 +89,50 @@ pub struct DemSource {
     /// Then this is added, metres. Default: 0.
     #[serde(default)]
     pub vertical_offset: Option<f64>,
+    /// West, south, east, north of what is fetched of a WMS, degrees.
+    #[serde(default)]
+    pub bbox: Option<[f64; 4]>,
+    /// Distance of the heights that are fetched of a WMS, metres. Default: what makes some four million of them.
+    #[serde(default)]
+    pub resolution_metres: Option<f64>,
+}
+
+impl DemSource {
+    /// What is fetched of a service.
+    pub fn bounds(&self) -> Option<GeographicBox> {
+        self.bbox.map(|[west, south, east, north]| GeographicBox { west, south, east, north })
+    }
+
+    fn check(&self) -> Result<(), String> {
+        let scale = self.vertical_scale.unwrap_or(1.0);
+        if !(scale.is_finite() && scale != 0.0) {
+            return Err(format!("dem.vertical_scale is {scale}; it must be a number other than 0"));
+        }
+        let offset = self.vertical_offset.unwrap_or(0.0);
+        if !(-1e5..=1e5).contains(&offset) {
+            return Err(format!("dem.vertical_offset is {offset}; it must lie within 100000 m"));
+        }
+        if let Some([west, south, east, north]) = self.bbox {
+            let stands = (-180.0..=360.0).contains(&west) && -90.0 <= south && south < north && north <= 90.0;
+            if !(stands && west < east && east - west <= 360.0) {
+                return Err(format!(
+                    "dem.bbox is [{west}, {south}, {east}, {north}]; it is west, south, east, north in degrees"
+                ));
+            }
+        }
+        if let Some(metres) = self.resolution_metres
+            && !(metres.is_finite() && metres > 0.0)
+        {
+            return Err(format!("dem.resolution_metres is {metres}; it must be more than 0"));
+        }
+        if !heights::is_service(&self.path) && (self.bbox.is_some() || self.resolution_metres.is_some()) {
+            return Err(
+                "dem.bbox and dem.resolution_metres are for the address of a WMS; leave them out for a file"
+                    .to_owned(),
+            );
+        }
+        Ok(())
+    }
 }
 
 /// `[photo]`.
@@ -280,14 +326,7 @@ impl SceneFile {
             return Err(format!("photo.maximum_zoom is {zoom}; the deepest is {DEEPEST_ZOOM}"));
         }
         if let Some(dem) = &self.dem {
-            let scale = dem.vertical_scale.unwrap_or(1.0);
-            if !(scale.is_finite() && scale != 0.0) {
-                return Err(format!("dem.vertical_scale is {scale}; it must be a number other than 0"));
-            }
-            let offset = dem.vertical_offset.unwrap_or(0.0);
-            if !(-1e5..=1e5).contains(&offset) {
-                return Err(format!("dem.vertical_offset is {offset}; it must lie within 100000 m"));
-            }
+            dem.check()?;
         }
         if let Some(scale) = self.canopy_height.as_ref().and_then(|canopy| canopy.scale)
             && !(scale.is_finite() && scale > 0.0)

@@ -18,6 +18,7 @@ pub mod http_tiles;
 pub mod kernel;
 pub mod load_map;
 pub mod load_map_gpu;
+pub mod mapserver;
 pub mod measure;
 pub mod picture;
 pub mod popping;

@@ -35,7 +35,7 @@ struct Tool {
     present: fn() -> bool,
 }
 
-const TOOLS: [Tool; 5] = [
+const TOOLS: [Tool; 6] = [
     Tool {
         name: "Chromium",
         used_for: "the browser tests",
@@ -64,6 +64,12 @@ const TOOLS: [Tool; 5] = [
         used_for: "the check of WMS documents against their schemas",
         packages: &["libxml2-utils"],
         present: || process::exists("xmllint"),
+    },
+    Tool {
+        name: "MapServer",
+        used_for: "the check with MapServer as the upstream of photo and heights",
+        packages: &["cgi-mapserver"],
+        present: || Path::new("/usr/lib/cgi-bin/mapserv").exists(),
     },
     Tool {
         name: "OWSLib",

@@ -11,7 +11,7 @@ use super::picture::photo::PhotoJudge;
 use super::raster_colour::RasterColour;
 use super::raster_cover::{CanopyHeightCover, NearestRaster, RasterCover};
 use super::raster_height::{BELIEVABLE_METRES, RasterHeight};
-use super::upstream::pictures;
+use super::upstream::{heights, pictures};
 use super::{ColourField, Cover, CoverField, HeightField, SourceError};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -46,6 +46,10 @@ pub struct HeightOptions {
     pub vertical_scale: Option<f64>,
     /// Then this is added, metres.
     pub vertical_offset: Option<f64>,
+    /// The part that is fetched where the path is a service.
+    pub bounds: Option<GeographicBox>,
+    /// Distance of its samples, metres.
+    pub resolution_metres: Option<f64>,
 }
 
 /// Opens a terrain model.
@@ -53,7 +57,18 @@ pub struct HeightOptions {
 /// # Errors
 /// One line: the file, what is wrong, the mend.
 pub fn open_height(path: &Path, options: &HeightOptions) -> Result<Arc<RasterHeight>, SourceError> {
-    let raster = Raster::open(path, options.source.assume_crs.as_deref())?;
+    let raster = match path.to_str().filter(|_| heights::is_service(path)) {
+        Some(address) => {
+            let bounds = options.bounds.ok_or_else(|| SourceError::Unusable {
+                path: address.to_owned(),
+                problem: "it is a service that may have heights of all the Earth".to_owned(),
+                mend: "say which part: bbox = [west, south, east, north] under [dem] in scene.toml, degrees"
+                    .to_owned(),
+            })?;
+            heights::open(address, &bounds, options.resolution_metres, options.source.nodata)?
+        }
+        None => Raster::open(path, options.source.assume_crs.as_deref())?,
+    };
     if is_picture(&raster.full().layout) || raster.full().layout.palette.is_some() {
         return Err(raster.unusable(
             "it is a picture in colours, not a terrain model",

@@ -18,6 +18,7 @@ enum Place {
     /// Without a shared position, and without a lock.
     Here(File),
     Remote(RemoteBytes),
+    Held(Vec<u8>),
 }
 
 impl FileBytes {
@@ -40,6 +41,11 @@ impl FileBytes {
         Ok(Self { place: Place::Here(file), length })
     }
 
+    /// A file that has come whole.
+    pub fn held(bytes: Vec<u8>) -> Self {
+        Self { length: bytes.len() as u64, place: Place::Held(bytes) }
+    }
+
     /// Bytes in the file when it was opened.
     pub fn length(&self) -> u64 {
         self.length
@@ -57,6 +63,10 @@ impl FileBytes {
         let count = usize::try_from(count).map_err(|_| io::ErrorKind::OutOfMemory)?;
         match &self.place {
             Place::Remote(remote) => remote.read(offset, count),
+            Place::Held(bytes) => {
+                let start = usize::try_from(offset).map_err(|_| io::ErrorKind::UnexpectedEof)?;
+                Ok(bytes[start..start + count].to_vec())
+            }
             Place::Here(file) => {
                 let mut bytes = vec![0; count];
                 read_exact_at(file, &mut bytes, offset)?;

@@ -148,6 +148,18 @@ impl Layout {
         }
     }
 
+    /// Of heights in 32-bit floating point, in tiles of `side` samples a side that come one by one.
+    pub fn of_heights(width: u32, height: u32, side: u32) -> Self {
+        Self {
+            samples: 1,
+            bits: 32,
+            kind: SampleKind::Float,
+            photometric: photometric::BLACK_IS_ZERO,
+            extra_samples: Vec::new(),
+            ..Self::of_pictures(width, height, side)
+        }
+    }
+
     /// Reads and checks the layout of a directory.
     ///
     /// # Errors

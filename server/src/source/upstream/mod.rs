@@ -3,6 +3,7 @@
 //!
 //! Only addresses that the configuration names are asked; a redirect is an error that says where to.
 
+pub mod heights;
 pub mod pictures;
 pub mod ranges;
 
