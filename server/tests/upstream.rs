@@ -119,6 +119,7 @@ fn an_address_that_cannot_be_used_is_one_line() {
         (failing.address.clone(), "HTTP 500"),
         (format!("http://{nobody}/x.tif"), "check the address"),
         ("https://no host/x.tif".to_owned(), "check the address"),
+        (format!("http://{nobody}/wms?LAYERS=heights"), "bbox = [west, south, east, north]"),
     ] {
         let output =
             Command::new(env!("CARGO_BIN_EXE_treeline")).args(["check", "--dem", &address]).output().unwrap();
