@@ -21,9 +21,13 @@ pub const ASK_AGAIN: &str = "no-cache";
 /// A refusal outside WMS: a status and one line.
 pub fn refusal(status: StatusCode, line: impl AsRef<str>) -> Response {
     let line = format!("{}\n", line.as_ref().trim_end());
-    let content_type =
-        [(header::CONTENT_TYPE, "text/plain; charset=utf-8"), (header::CACHE_CONTROL, "no-store")];
-    let mut response = (status, content_type, line).into_response();
+    let headers = [
+        (header::CONTENT_TYPE, "text/plain; charset=utf-8"),
+        (header::CACHE_CONTROL, "no-store"),
+        // What was asked stands in the line: it must not be taken for a page.
+        (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
+    ];
+    let mut response = (status, headers, line).into_response();
     say_when(&mut response);
     response
 }

@@ -244,6 +244,7 @@ pub fn open(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
 
     const ALPS: GeographicBox = GeographicBox { west: 10.0, south: 46.0, east: 10.5, north: 46.4 };
 
@@ -274,6 +275,58 @@ mod tests {
         );
         assert!(is_service(Path::new("https://a.org/wms?LAYERS=dem")));
         assert!(!is_service(Path::new("https://a.org/dem.tif")) && !is_service(Path::new("/wms?LAYERS=dem")));
+    }
+
+    /// A TIFF of the right size, made by hand: 16-bit numbers in one strip.
+    fn tiff() -> Vec<u8> {
+        let entries: [(u16, u16, u32); 9] = [
+            (256, 4, SIDE),
+            (257, 4, SIDE),
+            (258, 3, 16),
+            (259, 3, 1),
+            (262, 3, 1),
+            (273, 4, 8 + 2 + 9 * 12 + 4),
+            (277, 3, 1),
+            (278, 4, SIDE),
+            (279, 4, 2 * SIDE * SIDE),
+        ];
+        let mut bytes = b"II*\0\x08\0\0\0\x09\0".to_vec();
+        for (tag, kind, value) in entries {
+            bytes.extend(tag.to_le_bytes());
+            bytes.extend(kind.to_le_bytes());
+            bytes.extend(1_u32.to_le_bytes());
+            bytes.extend(value.to_le_bytes());
+        }
+        bytes.extend([0; 4]);
+        bytes.extend([0x9a, 0x02].repeat((SIDE * SIDE) as usize));
+        bytes
+    }
+
+    #[test]
+    fn a_tiff_is_read() {
+        assert!(decode(tiff()).unwrap().iter().all(|&height| height == 666.0));
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(300))]
+
+        /// Whatever an upstream answers, there are 512 × 512 heights or a line on what is wrong.
+        #[test]
+        fn answers_of_any_kind_are_heights_or_an_error(
+            flips in prop::collection::vec((0_usize..140, any::<u8>()), 0..6), cut in 0_usize..600_000, noise in prop::collection::vec(any::<u8>(), 0..64),
+        ) {
+            let mut body = tiff();
+            for (place, value) in flips {
+                body[place] = value;
+            }
+            body.truncate(cut.max(8));
+            for body in [body, noise] {
+                match decode(body) {
+                    Ok(heights) => prop_assert_eq!(heights.len(), (SIDE * SIDE) as usize),
+                    Err(problem) => prop_assert!(!problem.contains('\n') && problem.len() < 400, "{}", problem),
+                }
+            }
+        }
     }
 
     #[test]
