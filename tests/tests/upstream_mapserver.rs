@@ -98,6 +98,11 @@ fn a_mapserver_may_have_the_photo_and_the_heights() -> anyhow::Result<()> {
     }
 
     upstream.be(Mood::Well);
+    let output =
+        std::process::Command::new(program::path("treeline")?).args(["check", "--scene", scene]).output()?;
+    let said = String::from_utf8_lossy(&[output.stdout, output.stderr].concat()).into_owned();
+    ensure!(output.status.success() && said.contains("heights"), "{said}");
+    println!("{said}");
     let server = Server::start(&["--scene", scene])?;
     let mut worst: f32 = 0.0;
     for index in 0..6 {

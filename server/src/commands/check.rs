@@ -4,6 +4,7 @@ use crate::cli::ServeArguments;
 use crate::http;
 use crate::opening::{Opened, built_in, open_file};
 use crate::source::geotiff::Raster;
+use crate::source::upstream::pictures;
 use crate::state::App;
 use crate::user_error::UserError;
 use std::io::Write as _;
@@ -15,7 +16,8 @@ pub fn check(arguments: &ServeArguments) -> Result<(), UserError> {
     let Opened { scene, facts } = match arguments.scene.scene_file()? {
         Some(file) => {
             let opened = open_file(&file)?;
-            for path in file.paths() {
+            // A service of maps was asked for some when it was opened.
+            for path in file.paths().filter(|path| !pictures::is_service(path)) {
                 // Where it lies was found out above; what matters here is whether its data can be read.
                 Raster::open(path, Some("EPSG:4326"))?.verify()?;
             }

@@ -4,6 +4,8 @@ use super::crs::Datum;
 use super::geotiff::Raster;
 use super::geotiff::layout::compression_name;
 use super::placement::Placement;
+use super::upstream::pictures;
+use std::path::Path;
 use treeline_core::tile::{self, GeographicBox};
 
 /// An open raster, described. Its `Display` is what `treeline check` prints, a line each.
@@ -58,7 +60,11 @@ impl Description {
         let degrees = crs.is_geographic();
         Self {
             path: raster.path.clone(),
-            encoding: format!("{form}, {}{predictor}, {chunks}", compression_name(layout.compression)),
+            encoding: if pictures::is_service(Path::new(&raster.path)) {
+                format!("maps of a service, {chunks}")
+            } else {
+                format!("{form}, {}{predictor}, {chunks}", compression_name(layout.compression))
+            },
             size: raster.size(),
             samples: format!("{} × {}", layout.samples, layout.type_name()),
             crs: crs.to_string(),

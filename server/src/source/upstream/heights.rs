@@ -126,9 +126,7 @@ fn decode(body: Vec<u8>) -> Result<Vec<f32>, String> {
     if body.len() == 2 * count {
         return Ok(body.chunks_exact(2).map(|two| f32::from(i16::from_le_bytes([two[0], two[1]]))).collect());
     }
-    let text = body.iter().map(|&byte| char::from(byte));
-    let start: String = text.filter(|letter| (' '..='~').contains(letter)).take(160).collect();
-    Err(format!("it gives no heights, but {} bytes: {start}", body.len()))
+    Err(format!("it gives no heights, but {} bytes: {}", body.len(), super::printable(&body)))
 }
 
 fn decode_tiff(body: Vec<u8>) -> Result<Vec<f32>, String> {

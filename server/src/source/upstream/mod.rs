@@ -10,6 +10,7 @@ pub mod ranges;
 use std::collections::HashMap;
 use std::collections::hash_map::RandomState;
 use std::hash::BuildHasher as _;
+use std::io::Read as _;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Condvar, LazyLock, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -19,6 +20,8 @@ use ureq::tls::{Certificate, RootCerts, TlsConfig};
 const MOST_REQUESTS: usize = 16;
 /// Longest wait for a place among them.
 const LONGEST_WAIT: Duration = Duration::from_secs(20);
+/// Bytes of a refusal that are read, to be quoted.
+const SAID_BYTES: u64 = 4096;
 /// Longest time for a connection, and for a whole answer.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
 const ANSWER_TIMEOUT: Duration = Duration::from_secs(20);
@@ -81,6 +84,12 @@ pub fn counters() -> &'static Arc<Counters> {
 pub fn client() -> &'static Client {
     static CLIENT: LazyLock<Client> = LazyLock::new(|| Client::new(ANSWER_TIMEOUT, counters().clone()));
     &CLIENT
+}
+
+/// Of what an upstream says, the part that can be quoted in one line.
+fn printable(body: &[u8]) -> String {
+    let letters = body.iter().map(|&byte| char::from(byte)).filter(|letter| (' '..='~').contains(letter));
+    letters.take(160).collect()
 }
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
@@ -193,7 +202,12 @@ impl Client {
                 let place = place.unwrap_or("another address");
                 return Err(Failure::Lasting(format!("it has moved to {place}; name that address")));
             }
-            _ => return Err(Failure::Lasting(format!("HTTP {status}"))),
+            _ => {
+                let mut said = Vec::new();
+                // What cannot be read is not quoted.
+                let _ = response.body_mut().as_reader().take(SAID_BYTES).read_to_end(&mut said);
+                return Err(Failure::Lasting(format!("HTTP {status}: {}", printable(&said))));
+            }
         }
         let body = response.body_mut().with_config().limit(limit).read_to_vec();
         body.map(Some).map_err(|error| Failure::Passing(format!("{error}")))
@@ -293,7 +307,7 @@ fn origin(address: &str) -> &str {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::io::{Read as _, Write as _};
+    use std::io::Write as _;
 
     #[test]
     fn origins_and_addresses() {
