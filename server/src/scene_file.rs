@@ -18,8 +18,8 @@
 
 use crate::source::growth::Growths;
 use crate::source::upstream;
-use crate::source::upstream::heights;
 use crate::source::upstream::pictures::DEEPEST_ZOOM;
+use crate::source::upstream::wms::is_wms;
 use crate::species_setting::{self, SpeciesSetting, growth_of};
 use crate::toml_file;
 use crate::user_error::UserError;
@@ -125,7 +125,7 @@ impl DemSource {
         {
             return Err(format!("dem.resolution_metres is {metres}; it must be more than 0"));
         }
-        if !heights::is_service(&self.path) && (self.bbox.is_some() || self.resolution_metres.is_some()) {
+        if !is_wms(&self.path) && (self.bbox.is_some() || self.resolution_metres.is_some()) {
             return Err(
                 "dem.bbox and dem.resolution_metres are for the address of a WMS; leave them out for a file"
                     .to_owned(),

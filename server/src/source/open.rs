@@ -11,6 +11,7 @@ use super::picture::photo::PhotoJudge;
 use super::raster_colour::RasterColour;
 use super::raster_cover::{CanopyHeightCover, NearestRaster, RasterCover};
 use super::raster_height::{BELIEVABLE_METRES, RasterHeight};
+use super::upstream::wms::is_wms;
 use super::upstream::{heights, pictures};
 use super::{ColourField, Cover, CoverField, HeightField, SourceError};
 use std::collections::BTreeMap;
@@ -57,7 +58,7 @@ pub struct HeightOptions {
 /// # Errors
 /// One line: the file, what is wrong, the mend.
 pub fn open_height(path: &Path, options: &HeightOptions) -> Result<Arc<RasterHeight>, SourceError> {
-    let raster = match path.to_str().filter(|_| heights::is_service(path)) {
+    let raster = match path.to_str().filter(|_| is_wms(path)) {
         Some(address) => {
             let bounds = options.bounds.ok_or_else(|| SourceError::Unusable {
                 path: address.to_owned(),

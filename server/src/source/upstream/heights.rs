@@ -4,7 +4,8 @@
 //! are fetched once, at one distance, and are then a raster like that of a file. Maps are asked for in geographic
 //! coordinates (WMS 1.1.1, EPSG:4326: longitude first), one for each chunk.
 
-use super::client;
+use super::wms::maps_of;
+use super::{client, printable};
 use crate::source::SourceError;
 use crate::source::crs::Crs;
 use crate::source::geotiff::bytes::FileBytes;
@@ -14,7 +15,6 @@ use crate::source::geotiff::georeference::Affine;
 use crate::source::geotiff::image::{ChunkService, Image, SourceFile, ValueRule};
 use crate::source::geotiff::layout::Layout;
 use crate::source::geotiff::{Raster, metadata};
-use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use treeline_core::tile::GeographicBox;
@@ -33,16 +33,6 @@ const AT_ONCE: usize = 4;
 const DEGREE_METRES: f64 = 111_320.0;
 const MEND: &str =
     "check the address and its FORMAT (application/bil32, image/tiff), and whether the server is up";
-
-/// Whether a terrain's path is the address of a WMS with its layer.
-pub fn is_service(path: &Path) -> bool {
-    super::is_address(path) && path.to_str().is_some_and(|text| says(text, "layers"))
-}
-
-fn says(address: &str, name: &str) -> bool {
-    let pairs = address.split(['?', '&']).skip(1);
-    pairs.filter_map(|pair| pair.split('=').next()).any(|said| said.eq_ignore_ascii_case(name))
-}
 
 /// Samples of a box, at equal distances in degrees.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -95,20 +85,8 @@ impl Lattice {
 
 /// The address of a map.
 fn address_of(address: &str, [west, south, east, north]: [f64; 4]) -> String {
-    let mut text = address.trim_end_matches(['&', '?']).to_owned();
-    for (name, value) in [
-        ("SERVICE", "WMS"),
-        ("VERSION", "1.1.1"),
-        ("REQUEST", "GetMap"),
-        ("STYLES", ""),
-        ("SRS", "EPSG:4326"),
-        ("FORMAT", "application/bil32"),
-    ] {
-        if !says(address, name) {
-            text += &format!("&{name}={value}");
-        }
-    }
-    text + &format!("&BBOX={west},{south},{east},{north}&WIDTH={SIDE}&HEIGHT={SIDE}")
+    let maps = maps_of(address, &[("SRS", "EPSG:4326"), ("FORMAT", "application/bil32")]);
+    maps + &format!("&BBOX={west},{south},{east},{north}&WIDTH={SIDE}&HEIGHT={SIDE}")
 }
 
 /// The samples of a map: a TIFF of one band, or nothing but little-endian numbers of 32 or 16 bits.
@@ -126,7 +104,7 @@ fn decode(body: Vec<u8>) -> Result<Vec<f32>, String> {
     if body.len() == 2 * count {
         return Ok(body.chunks_exact(2).map(|two| f32::from(i16::from_le_bytes([two[0], two[1]]))).collect());
     }
-    Err(format!("it gives no heights, but {} bytes: {}", body.len(), super::printable(&body)))
+    Err(format!("it gives no heights, but {} bytes: {}", body.len(), printable(&body)))
 }
 
 fn decode_tiff(body: Vec<u8>) -> Result<Vec<f32>, String> {
@@ -263,16 +241,6 @@ mod tests {
         let samples = f64::from(lattice.size[0]) * f64::from(lattice.size[1]);
         assert!((samples / DEFAULT_SAMPLES - 1.0).abs() < 0.01, "{samples}");
         assert!(Lattice::of(&ALPS, Some(1.0)).unwrap_err().0.contains("more than are fetched"));
-    }
-
-    #[test]
-    fn what_the_address_does_not_say_is_added() {
-        assert_eq!(
-            address_of("https://a.org/wms?layers=dem&FORMAT=image/tiff", [1.0, 2.0, 3.0, 4.0]),
-            "https://a.org/wms?layers=dem&FORMAT=image/tiff&SERVICE=WMS&VERSION=1.1.1&REQUEST=GetMap&STYLES=&SRS=EPSG:4326&BBOX=1,2,3,4&WIDTH=512&HEIGHT=512"
-        );
-        assert!(is_service(Path::new("https://a.org/wms?LAYERS=dem")));
-        assert!(!is_service(Path::new("https://a.org/dem.tif")) && !is_service(Path::new("/wms?LAYERS=dem")));
     }
 
     /// A TIFF of the right size, made by hand: 16-bit numbers in one strip.

@@ -6,6 +6,7 @@
 pub mod heights;
 pub mod pictures;
 pub mod ranges;
+pub mod wms;
 
 use std::collections::HashMap;
 use std::collections::hash_map::RandomState;

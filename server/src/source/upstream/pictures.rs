@@ -3,7 +3,8 @@
 //! Both are asked in Web Mercator, tile by tile; the zooms are the raster's overviews. A tile that is not there (404,
 //! 204) is no data.
 
-use super::client;
+use super::wms::{is_wms, maps_of};
+use super::{client, printable};
 use crate::source::SourceError;
 use crate::source::crs::Crs;
 use crate::source::geotiff::Raster;
@@ -32,17 +33,13 @@ const LAST_LATITUDE: f64 = 85.05;
 
 /// Whether a source's path is the address of such a service.
 pub fn is_service(path: &Path) -> bool {
-    super::is_address(path) && path.to_str().is_some_and(|text| is_template(text) || is_wms(text))
+    is_wms(path) || super::is_address(path) && path.to_str().is_some_and(is_template)
 }
 
 fn is_template(address: &str) -> bool {
     address.contains("{z}")
         && address.contains("{x}")
         && (address.contains("{y}") || address.contains("{-y}"))
-}
-
-fn is_wms(address: &str) -> bool {
-    address.split(['?', '&']).skip(1).any(|pair| pair.to_ascii_lowercase().starts_with("layers="))
 }
 
 /// The address of tiles, with places for their numbers.
@@ -54,27 +51,8 @@ impl Template {
         if is_template(address) {
             return Self(address.to_owned());
         }
-        // What the address does not say for itself; 1.1.1 spares us the order of axes.
-        let mut text = address.trim_end_matches(['&', '?']).to_owned();
-        let says = |name: &str| {
-            address
-                .split(['?', '&'])
-                .skip(1)
-                .any(|pair| pair.to_ascii_lowercase().starts_with(&format!("{name}=")))
-        };
-        for (name, value) in [
-            ("service", "WMS"),
-            ("version", "1.1.1"),
-            ("request", "GetMap"),
-            ("styles", ""),
-            ("srs", "EPSG:3857"),
-            ("format", "image/png"),
-            ("transparent", "TRUE"),
-        ] {
-            if !says(name) {
-                text += &format!("&{}={value}", name.to_ascii_uppercase());
-            }
-        }
+        let text =
+            maps_of(address, &[("SRS", "EPSG:3857"), ("FORMAT", "image/png"), ("TRANSPARENT", "TRUE")]);
         Self(text + "&BBOX={west},{south},{east},{north}&WIDTH=256&HEIGHT=256")
     }
 
@@ -148,12 +126,7 @@ impl Service {
             return Ok(None);
         };
         let picture = decode(&body).map_err(|problem| {
-            let start: String = String::from_utf8_lossy(&body)
-                .chars()
-                .take(80)
-                .filter(|letter| !letter.is_control())
-                .collect();
-            format!("tile {zoom}/{column}/{row} is no picture ({problem}): {start}")
+            format!("tile {zoom}/{column}/{row} is no picture ({problem}): {}", printable(&body))
         })?;
         if picture.width() != self.side || picture.height() != self.side {
             return Err(format!(
@@ -245,14 +218,8 @@ fn side(template: &Template, cut: &Cut, deepest: u8) -> Result<u32, String> {
         let column = middle(0).rem_euclid(turn) as u32;
         let row = middle(1).clamp(0, turn - 1) as u32;
         let Some(body) = client().get(&template.address(zoom, column, row), LARGEST_TILE)? else { continue };
-        let picture = decode(&body).map_err(|error| {
-            let start: String = String::from_utf8_lossy(&body)
-                .chars()
-                .take(80)
-                .filter(|letter| !letter.is_control())
-                .collect();
-            format!("it gives no pictures ({error}): {start}")
-        })?;
+        let picture =
+            decode(&body).map_err(|error| format!("it gives no pictures ({error}): {}", printable(&body)))?;
         let side = picture.width();
         if picture.height() != side || !SIDES.contains(&side) {
             return Err(format!("its tiles have {side} × {} pixels; 256 or 512 are read", picture.height()));
