@@ -177,6 +177,8 @@ fn a_mapserver_may_have_the_photo_and_the_heights() -> anyhow::Result<()> {
     let (_, page) = &mut page_of;
     let drawn = "window.treeline.stats().page.frames_drawn";
     let before = page.evaluate(drawn)?;
+    // Taking its picture paused it.
+    page.evaluate("window.treeline.resume()")?;
     page.evaluate(
         "window.treeline.setCamera({lon: 10.0, lat: 46.13, height: 2500, heading_deg: 30, pitch_deg: -50})",
     )?;
