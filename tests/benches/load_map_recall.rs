@@ -4,13 +4,14 @@
 //! `VIEWS=200` in the environment for the long form; 24 views of each scene otherwise.
 
 use anyhow::Context;
+use std::time::Instant;
 use treeline_core::camera::GeographicCamera;
 use treeline_core::hash::{minimal_standard, uniform};
 use treeline_shaders::load_map::WANTED;
-use treeline_tests::data;
 use treeline_tests::load_map::{DEEPEST, Scene, analytic_world, ground};
 use treeline_tests::program::Server;
 use treeline_tests::recall::{SIZE, Sight, Surveyor, Tally};
+use treeline_tests::{data, measure};
 
 /// Random numbers, the same in every run.
 struct Random(u32);
@@ -56,13 +57,17 @@ fn survey_analytic(views: u32) {
     let bounds = root.bounds();
     let mut random = Random(20_261);
     let (mut oblique, mut panorama) = (Tally::default(), Tally::default());
+    let (mut twin, mut gpu) = (Vec::new(), Vec::new());
     for index in 0..views {
         let lon = bounds.east + random.between(-0.04, 0.04);
         let lat = bounds.south + random.between(-0.04, 0.04);
         let camera = random.camera(lon, lat, ground(&world, lon, lat), index);
         let scene = Scene::new(&world, camera, SIZE, DEEPEST, None, None);
         let (distances, hits) = scene.picture(1);
+        let start = Instant::now();
         let map = scene.by_twin(&distances, &hits);
+        twin.push(1e3 * start.elapsed().as_secs_f64());
+        gpu.push(1e3 * scene.by_gpu().seconds);
         let named = scene.named(&map.cells, |word| word & WANTED != 0);
         let centres = scene.tiles_of(&distances, &hits);
         let (distances, hits) = scene.picture(4);
@@ -77,6 +82,13 @@ fn survey_analytic(views: u32) {
     }
     print(&format!("analytic world, {} oblique", views.div_ceil(2)), &oblique);
     print(&format!("analytic world, {} panoramas", views / 2), &panorama);
+    for (name, milliseconds) in [("its CPU twin", &twin), ("the software adapter, with read-back", &gpu)] {
+        measure::print(
+            &format!("a map of 160 × 128 by {name}, median"),
+            measure::quantile(milliseconds, 0.5),
+            "ms",
+        );
+    }
 }
 
 fn survey(name: &str, arguments: &[&str], views: u32) -> anyhow::Result<()> {

@@ -4,6 +4,7 @@ use crate::gpu::software_gpu;
 use crate::load_map::Scene;
 use crate::terrain_gpu::{array, read_back};
 use crate::tile_world::SIDE;
+use std::time::Instant;
 use treeline_client::gpu::read_back_belt::Belt;
 use treeline_client::gpu::targets::Targets;
 use treeline_client::passes::frame_layout;
@@ -23,6 +24,8 @@ pub struct Answer {
     pub cells: Vec<u32>,
     /// Pixels of a cell.
     pub pixels: Vec<u32>,
+    /// Seconds of the pass and its read-back, after the rays; pipelines were there before.
+    pub seconds: f64,
 }
 
 impl Scene<'_> {
@@ -37,6 +40,10 @@ impl Scene<'_> {
         let mut belt = Belt::new(device, 8 * u64::from(CELLS), 1);
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         Terrain::new(device, &layout, false, false).record(&mut encoder, &group, &targets, None);
+        queue.submit([encoder.finish()]);
+        device.poll(wgpu::PollType::wait_indefinitely()).expect("the rays are cast");
+        let start = Instant::now();
+        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         map.record(device, queue, &mut encoder, &group, &targets, &self.stack.frame, [None, None]);
         assert!(belt.schedule(&mut encoder, &[map.cells(), map.pixels()], ()), "the belt is free");
         queue.submit([encoder.finish()]);
@@ -49,9 +56,10 @@ impl Scene<'_> {
             }
             std::thread::yield_now();
         };
+        let seconds = start.elapsed().as_secs_f64();
         let distances = read_back(&targets.distance, 4).into_iter().map(f32::from_bits).collect();
         let hits = read_back(&targets.hit, 16).chunks_exact(4).map(|w| [w[0], w[1], w[2], w[3]]).collect();
-        Answer { distances, hits, cells, pixels }
+        Answer { distances, hits, cells, pixels, seconds }
     }
 
     fn frame_group(&self, layout: &wgpu::BindGroupLayout) -> wgpu::BindGroup {
