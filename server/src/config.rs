@@ -18,7 +18,7 @@ pub struct Config {
     pub cache: Option<PathBuf>,
     /// What that folder may hold, MiB; tiles that were used least recently go. Default: 10240.
     pub disk_cache_mib: u64,
-    /// Memory for made tiles, MiB. Default: 256.
+    /// Memory for made tiles and for requests that were answered before, MiB. Default: 256.
     pub memory_cache_mib: u64,
     /// Seconds between two looks at the scene's files; when they have changed, their new tiles are served. Default: 5;
     /// 0: never.

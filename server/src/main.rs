@@ -6,10 +6,21 @@ use std::process::ExitCode;
 use treeline_server::cli::{Cli, Command, one_line};
 use treeline_server::commands;
 
-/// A request is some hundred small allocations, which were a third of its instructions with the C library's allocator
-/// (docs/decisions/0020).
+/// A request is some hundred small allocations, which were a third of its instructions with the C library's allocator,
+/// and large maps come and go: this one gives their room back (docs/decisions/0020). It does not know Microsoft's C
+/// library.
+#[cfg(not(target_env = "msvc"))]
 #[global_allocator]
-static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
+static ALLOCATOR: tikv_jemallocator::Jemalloc = tikv_jemallocator::Jemalloc;
+
+/// How the allocator is set, unless `_RJEM_MALLOC_CONF` in the environment says otherwise: room for large things goes
+/// back to the system at once, for small ones (a warm answer reuses it) within half a second; few arenas share it.
+#[cfg(not(target_env = "msvc"))]
+// SAFETY: the allocator reads a pointer to a text that ends with a zero byte from this symbol, and nothing else has the
+// symbol's name: a slice begins with its pointer, and these bytes live for ever.
+#[unsafe(export_name = "_rjem_malloc_conf")]
+pub static ALLOCATOR_SETTINGS: &[u8] =
+    b"narenas:4,oversize_threshold:131072,dirty_decay_ms:500,muzzy_decay_ms:0,lg_tcache_max:17\0";
 
 /// Exit code of `check` where something is wrong with a scene.
 const WRONG_SCENE: u8 = 1;

@@ -50,7 +50,7 @@ impl App {
         let folder = CacheFolder {
             folder: config.cache.clone(),
             disk_bytes: config.disk_cache_mib << 20,
-            memory_bytes: config.memory_cache_mib << 20,
+            memory_bytes: (config.memory_cache_mib << 20).saturating_sub(Known::MOST_BYTES),
         };
         let cache = folder.open(&scene.revision, &Arc::new(workers), &metrics)?;
         let public_url = config

@@ -1,12 +1,16 @@
 """GDAL as a client, by its WMS and WMTS drivers: what it reads is what the server answers when asked directly."""
 
 import sys
+import tempfile
 import urllib.request
 
 import numpy
 from osgeo import gdal
 
 gdal.UseExceptions()
+# Its own is a folder wherever it is started.
+CACHE = tempfile.TemporaryDirectory()
+gdal.SetConfigOption("GDAL_DEFAULT_WMS_CACHE_PATH", CACHE.name)
 BASE = sys.argv[1]
 WEST, SOUTH, EAST, NORTH = 11.0, 46.9, 11.2, 47.0
 WIDTH, HEIGHT = 256, 128

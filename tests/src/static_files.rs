@@ -41,10 +41,11 @@ fn answer(mut stream: &TcpStream, folders: &[PathBuf]) -> std::io::Result<()> {
     let found = folders.iter().filter(|_| is_plain).find_map(|folder| std::fs::read(folder.join(path)).ok());
     let kind = match path.rsplit('.').next().unwrap_or_default() {
         "html" => "text/html; charset=utf-8",
-        "js" => "text/javascript; charset=utf-8",
+        "js" | "mjs" => "text/javascript; charset=utf-8",
         "css" => "text/css",
         "json" => "application/json",
         "png" => "image/png",
+        "wasm" => "application/wasm",
         _ => "application/octet-stream",
     };
     let (status, body) = found.map_or(("404 Not Found", Vec::new()), |body| ("200 OK", body));

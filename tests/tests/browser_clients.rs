@@ -27,15 +27,11 @@ fn open(browser: &Browser, package: &Path, name: &str, server: &Server) -> anyho
     Ok(page)
 }
 
-#[test]
-fn browser_shows_the_photo_in_openlayers_by_every_service() -> anyhow::Result<()> {
-    let Some(package) = npm("ol", "10.11.0")? else { return Ok(()) };
-    let server = Server::start(&[])?;
-    let browser = Browser::start()?;
-    let mut page = open(&browser, &package, "openlayers.html", &server)?;
+/// Compares what a client shows by each of its ways with the server's own picture of the same box.
+fn compare(page: &mut Page, ways: usize) -> anyhow::Result<()> {
     let names = page.evaluate("window.names")?;
     let names = names.as_array().context("names")?;
-    ensure!(names.len() == 6, "{names:?}");
+    ensure!(names.len() == ways, "{names:?}");
     for name in names {
         let found = page.evaluate(&format!("window.compare({name})"))?;
         let number = |key: &str| found[key].as_f64().with_context(|| format!("{name}: {found}"));
@@ -46,14 +42,68 @@ fn browser_shows_the_photo_in_openlayers_by_every_service() -> anyhow::Result<()
     Ok(())
 }
 
+/// A client of maps in the plane.
+fn map_client((name, version): (&str, &str), file: &str, ways: usize) -> anyhow::Result<()> {
+    let Some(package) = npm(name, version)? else { return Ok(()) };
+    let server = Server::start(&[])?;
+    let browser = Browser::start()?;
+    compare(&mut open(&browser, &package, file, &server)?, ways)
+}
+
+#[test]
+fn browser_shows_the_photo_in_openlayers_by_every_service() -> anyhow::Result<()> {
+    map_client(("ol", "10.11.0"), "openlayers.html", 6)
+}
+
+#[test]
+fn browser_shows_the_photo_in_leaflet() -> anyhow::Result<()> {
+    map_client(("leaflet", "1.9.4"), "leaflet.html", 3)
+}
+
+#[test]
+fn browser_shows_the_photo_in_maplibre() -> anyhow::Result<()> {
+    map_client(("maplibre-gl", "6.17.0"), "maplibre.html", 3)
+}
+
+/// Height of the place that the globes look at, as the server says it.
+fn height_there(server: &Server) -> anyhow::Result<f64> {
+    let query = "/wms?SERVICE=WMS&VERSION=1.3.0&REQUEST=GetFeatureInfo&LAYERS=elevation&QUERY_LAYERS=elevation&CRS=CRS:84&BBOX=11.049,46.924,11.051,46.926&WIDTH=1&HEIGHT=1&I=0&J=0&FORMAT=image/png&INFO_FORMAT=application/json";
+    let there: serde_json::Value =
+        serde_json::from_str(&ureq::get(server.url(query)).call()?.body_mut().read_to_string()?)?;
+    there["elevation"].as_f64().context("a height")
+}
+
+/// A globe that is drawn is not of one colour.
+fn ensure_globe(page: &mut Page, tiles: &serde_json::Value, name: &str) -> anyhow::Result<()> {
+    ensure!(tiles.as_u64().is_some_and(|tiles| tiles > 0), "{tiles} tiles on the globe");
+    let seen = page.screenshot()?;
+    ensure!(picture::contrast(&seen) > 5.0, "a blank globe: {}", picture::keep(name, &seen)?.display());
+    Ok(())
+}
+
+#[test]
+fn browser_finds_photo_heights_and_a_globe_in_cesium() -> anyhow::Result<()> {
+    let Some(package) = npm("cesium", "1.145.0")? else { return Ok(()) };
+    let server = Server::start(&[])?;
+    let browser = Browser::start()?;
+    let mut page = open(&browser, &package, "cesium.html", &server)?;
+    compare(&mut page, 4)?;
+    let there = height_there(&server)?;
+    for format in ["application/bil16", "application/bil32"] {
+        let height = page.evaluate(&format!("window.elevation('{format}')"))?;
+        let height = height.as_f64().context("no height")?;
+        // Its samples are 38 m apart.
+        ensure!((height - there).abs() < 25.0, "{format}: {height} m, and there are {there} m");
+    }
+    let tiles = page.evaluate("window.draw()")?;
+    ensure_globe(&mut page, &tiles, "cesium")
+}
+
 fn world_wind(package: &Path) -> anyhow::Result<()> {
     let server = Server::start(&[])?;
     let browser = Browser::start()?;
     let mut page = open(&browser, package, "worldwind.html", &server)?;
-    let query = "/wms?SERVICE=WMS&VERSION=1.3.0&REQUEST=GetFeatureInfo&LAYERS=elevation&QUERY_LAYERS=elevation&CRS=CRS:84&BBOX=11.049,46.924,11.051,46.926&WIDTH=1&HEIGHT=1&I=0&J=0&FORMAT=image/png&INFO_FORMAT=application/json";
-    let there: serde_json::Value =
-        serde_json::from_str(&ureq::get(server.url(query)).call()?.body_mut().read_to_string()?)?;
-    let there = there["elevation"].as_f64().context("a height")?;
+    let there = height_there(&server)?;
     for format in ["application/bil16", "application/bil32"] {
         for version in ["1.1.1", "1.3.0"] {
             let height = page.evaluate(&format!("window.elevation('{format}', '{version}')"))?;
@@ -66,14 +116,7 @@ fn world_wind(package: &Path) -> anyhow::Result<()> {
         }
     }
     let tiles = page.evaluate("window.draw('1.3.0')")?;
-    ensure!(tiles.as_u64().is_some_and(|tiles| tiles > 0), "{tiles} tiles on the globe");
-    let seen = page.screenshot()?;
-    ensure!(
-        picture::contrast(&seen) > 5.0,
-        "a blank globe: {}",
-        picture::keep("worldwind", &seen)?.display()
-    );
-    Ok(())
+    ensure_globe(&mut page, &tiles, "worldwind")
 }
 
 #[test]

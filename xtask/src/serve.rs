@@ -1,11 +1,12 @@
 //! `cargo xtask serve`: from a fresh clone to a landscape in the browser.
 
-use crate::{bundle, process};
+use crate::{bundle, process, setup};
 use anyhow::Context;
 use std::process::{Command, ExitCode};
 
 /// Builds page and server in release and starts the server with `arguments`, passing its exit code on.
 pub fn run(arguments: &[&str]) -> anyhow::Result<ExitCode> {
+    setup::build_tools()?;
     bundle::build()?;
     // After the page: the server embeds it.
     process::check(&mut process::cargo(&[

@@ -99,6 +99,14 @@ const TOOLS: [Tool; 6] = [
     },
 ];
 
+/// What the server's allocator is built with, beside the C compiler that Rust links with.
+const BUILD_TOOLS: [Tool; 1] = [Tool {
+    name: "make",
+    used_for: "building the server's allocator",
+    packages: &["make"],
+    present: || ["make", "gmake"].iter().any(|name| process::exists(name)),
+}];
+
 /// Looks for `libvulkan.so.1` in a library folder and the folders of architectures in it.
 fn has_vulkan_loader(folder: &Path) -> bool {
     if folder.join("libvulkan.so.1").exists() {
@@ -108,14 +116,20 @@ fn has_vulkan_loader(folder: &Path) -> bool {
     entries.flatten().any(|entry| entry.path().join("libvulkan.so.1").exists())
 }
 
-/// Installs what tests need where that may be done (Debian or Ubuntu, as root), and else prints one
-/// line for each thing that is missing. Tests that cannot do without fail later by themselves.
+/// Installs what the server is built with where that may be done, and else says what is missing.
+pub fn build_tools() -> anyhow::Result<()> {
+    bring(BUILD_TOOLS.iter().filter(|tool| !(tool.present)()).collect(), true)
+}
+
+/// Installs what tests need where that may be done, and else says what is missing. Tests that cannot do without fail
+/// later by themselves.
 pub fn test_tools(may_install: bool, browser: bool) -> anyhow::Result<()> {
-    let missing: Vec<&Tool> = TOOLS
-        .iter()
-        .filter(|tool| browser || tool.name != "Chromium")
-        .filter(|tool| !(tool.present)())
-        .collect();
+    let wanted = BUILD_TOOLS.iter().chain(&TOOLS).filter(|tool| browser || tool.name != "Chromium");
+    bring(wanted.filter(|tool| !(tool.present)()).collect(), may_install)
+}
+
+/// Installs what is missing (Debian or Ubuntu, as root), or prints one line for each thing.
+fn bring(missing: Vec<&Tool>, may_install: bool) -> anyhow::Result<()> {
     if missing.is_empty() {
         return Ok(());
     }

@@ -1,5 +1,6 @@
 //! One file per tile, renamed into place when complete, checked when read.
 
+use super::at_once;
 use super::space::{INCOMPLETE, Space};
 use crate::digest::{Digest, checksum};
 use axum::body::Bytes;
@@ -58,34 +59,28 @@ impl DiskCache {
         self.folder.join(&name[..2]).join(format!("{name}.tile"))
     }
 
-    /// The payload, or `None` where there is no file or it is not whole.
+    /// The payload, or `None` where there is no file or it is not whole. May wait for the disk.
     pub fn read(&self, key: &str) -> Option<Bytes> {
         let mut file = File::open(self.path(key)).ok()?;
         let metadata = file.metadata().ok()?;
         let mut bytes = Vec::with_capacity(usize::try_from(metadata.len()).ok()?);
         file.read_to_end(&mut bytes).ok()?;
-        let header = bytes.get(..HEADER)?;
-        let number = |range: std::ops::Range<usize>| {
-            header[range].iter().rev().fold(0_u64, |value, &byte| value << 8 | u64::from(byte))
-        };
-        let (key_length, length, sum) = (number(8..12) as usize, number(12..20), number(20..28));
-        let payload = HEADER.checked_add(key_length)?;
-        let whole = header.starts_with(MAGIC)
-            && bytes.get(HEADER..payload)? == key.as_bytes()
-            && (bytes.len() - payload) as u64 == length
-            && checksum(&bytes[payload..]) == sum;
-        if !whole {
-            return None;
-        }
-        let now = SystemTime::now();
-        if metadata
-            .modified()
-            .is_ok_and(|used| now.duration_since(used).is_ok_and(|age| age > USE_RESOLUTION))
-        {
+        let payload = payload(key, &bytes)?;
+        if metadata.modified().is_ok_and(is_long_ago) {
             // Where the system does not let us, the tile goes by when it was written.
-            let _ = file.set_modified(now);
+            let _ = file.set_modified(SystemTime::now());
         }
         Some(Bytes::from(bytes).slice(payload..))
+    }
+
+    /// The same where it can be had without waiting, from what the system holds of the folder; `None` says nothing
+    /// about whether there is such a tile.
+    pub fn read_at_once(&self, key: &str) -> Option<Bytes> {
+        at_once::read(&self.path(key), |file, used| {
+            // Marking a tile as used writes: that is for [`Self::read`].
+            let payload = payload(key, file).filter(|_| !is_long_ago(used))?;
+            Some(Bytes::copy_from_slice(&file[payload..]))
+        })
     }
 
     /// Writes a file beside its place, waits until the disk has it, and renames it: readers see all of it or nothing,
@@ -111,6 +106,26 @@ impl DiskCache {
         self.space.make_room();
         Ok(())
     }
+}
+
+/// Whether a tile has to be marked as used.
+fn is_long_ago(used: SystemTime) -> bool {
+    SystemTime::now().duration_since(used).is_ok_and(|age| age > USE_RESOLUTION)
+}
+
+/// Where the payload of a key begins in a file that is whole and the key's.
+fn payload(key: &str, file: &[u8]) -> Option<usize> {
+    let header = file.get(..HEADER)?;
+    let number = |range: std::ops::Range<usize>| {
+        header[range].iter().rev().fold(0_u64, |value, &byte| value << 8 | u64::from(byte))
+    };
+    let (key_length, length, sum) = (number(8..12) as usize, number(12..20), number(20..28));
+    let payload = HEADER.checked_add(key_length)?;
+    let whole = header.starts_with(MAGIC)
+        && file.get(HEADER..payload)? == key.as_bytes()
+        && (file.len() - payload) as u64 == length
+        && checksum(&file[payload..]) == sum;
+    whole.then_some(payload)
 }
 
 #[cfg(test)]
@@ -147,12 +162,14 @@ mod tests {
         for length in 0..whole.len() {
             std::fs::write(&path, &whole[..length]).unwrap();
             assert_eq!(cache.read("key"), None, "cut to {length} bytes");
+            assert_eq!(cache.read_at_once("key"), None, "cut to {length} bytes");
         }
         for bit in 0..8 * whole.len() {
             let mut altered = whole.clone();
             altered[bit / 8] ^= 1 << (bit % 8);
             std::fs::write(&path, &altered).unwrap();
             assert_eq!(cache.read("key"), None, "bit {bit} flipped");
+            assert_eq!(cache.read_at_once("key"), None, "bit {bit} flipped");
         }
         let mut longer = whole.clone();
         longer.push(0);

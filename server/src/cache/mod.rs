@@ -4,6 +4,7 @@
 //! work that others wait for nor work that has begun. Work that still waits in the queue when its
 //! last client has left is dropped instead of done.
 
+mod at_once;
 mod disk;
 mod keeper;
 mod space;
@@ -57,6 +58,19 @@ pub enum MakeError {
 /// How a tile is made: called on a worker, at most once at a time for one key.
 pub type Maker = Arc<dyn Fn() -> Result<Vec<u8>, MakeError> + Send + Sync>;
 
+/// What a tile takes in memory, bytes.
+fn weight(key: &str, tile: &Bytes) -> u64 {
+    // A map entry, its key and moka's own bookkeeping weigh a few hundred bytes even for an empty tile.
+    const OVERHEAD_BYTES: usize = 256;
+    (key.len() + room(tile.len()) + OVERHEAD_BYTES) as u64
+}
+
+/// What an allocator takes for so many bytes: it has four sizes for each doubling, and gives the next larger one.
+fn room(bytes: usize) -> usize {
+    let step = (bytes.max(64).next_power_of_two() / 8).max(16);
+    bytes.next_multiple_of(step)
+}
+
 /// The cache.
 pub struct TileCache {
     memory: moka::future::Cache<Arc<str>, Bytes>,
@@ -75,13 +89,9 @@ impl TileCache {
         workers: Arc<Workers>,
         metrics: Arc<Metrics>,
     ) -> io::Result<Self> {
-        // A map entry, its key and moka's own bookkeeping weigh a few hundred bytes even for an empty tile.
-        const OVERHEAD_BYTES: usize = 256;
         let memory = moka::future::Cache::builder()
             .max_capacity(memory_bytes)
-            .weigher(|key: &Arc<str>, value: &Bytes| {
-                u32::try_from(key.len() + value.len() + OVERHEAD_BYTES).unwrap_or(u32::MAX)
-            })
+            .weigher(|key: &Arc<str>, value: &Bytes| u32::try_from(weight(key, value)).unwrap_or(u32::MAX))
             .build();
         let disk = match disk {
             Some(disk) => Some((disk.clone(), Keeper::new(disk)?)),
@@ -101,16 +111,28 @@ impl TileCache {
         answer.map(|(bytes, _)| bytes)
     }
 
-    /// The answer for a key where it is in memory; it counts as a lookup only then.
-    pub async fn get_from_memory(&self, key: &TileKey) -> Option<Bytes> {
-        let bytes = self.memory.get(&key.text).await?;
-        self.metrics.tile(key.product, Outcome::Memory, bytes.len());
+    /// The answer for a key where it can be had without waiting: from memory, or from what the system holds of the
+    /// folder. It counts as a lookup only then.
+    pub async fn get_at_once(&self, key: &TileKey) -> Option<Bytes> {
+        let (bytes, outcome) = self.look_at_once(key).await?;
+        self.metrics.tile(key.product, outcome, bytes.len());
         Some(bytes)
     }
 
-    async fn look_up(self: &Arc<Self>, key: &TileKey, make: Maker) -> Result<(Bytes, Outcome), MakeError> {
+    async fn look_at_once(&self, key: &TileKey) -> Option<(Bytes, Outcome)> {
         if let Some(bytes) = self.memory.get(&key.text).await {
-            return Ok((bytes, Outcome::Memory));
+            return Some((bytes, Outcome::Memory));
+        }
+        let bytes = self.disk()?.read_at_once(&key.text)?;
+        if self.memory.policy().max_capacity().is_none_or(|most| weight(&key.text, &bytes) <= most) {
+            self.memory.insert(key.text.clone(), bytes.clone()).await;
+        }
+        Some((bytes, Outcome::Disk))
+    }
+
+    async fn look_up(self: &Arc<Self>, key: &TileKey, make: Maker) -> Result<(Bytes, Outcome), MakeError> {
+        if let Some(found) = self.look_at_once(key).await {
+            return Ok(found);
         }
         let _waits = self.waiting.enter(key.text.clone());
         loop {

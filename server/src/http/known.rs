@@ -1,4 +1,4 @@
-//! Requests that were answered before, word for word: their answer is in memory, and what their words mean need not be
+//! Requests that were answered before, word for word: their answer is at hand, and what their words mean need not be
 //! found out again. Nothing else about them differs: the same bounds, headers, counters and log.
 
 use super::answer::{Kept, is_known_version};
@@ -14,10 +14,8 @@ use axum::response::Response;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// What is remembered takes no more than this, bytes.
-const MOST_BYTES: u64 = 4 << 20;
 /// What an entry weighs besides its words: headers, key, bookkeeping.
-const ENTRY_BYTES: usize = 1024;
+const ENTRY_BYTES: usize = 2048;
 
 /// What a request's words came down to.
 struct Answer {
@@ -29,10 +27,15 @@ struct Answer {
 /// The requests that are remembered, of one version of the data.
 pub struct Known(moka::future::Cache<Arc<str>, Arc<Answer>>);
 
+impl Known {
+    /// What is remembered takes no more than this, bytes.
+    pub const MOST_BYTES: u64 = 4 << 20;
+}
+
 impl Default for Known {
     fn default() -> Self {
         let words = moka::future::Cache::builder()
-            .max_capacity(MOST_BYTES)
+            .max_capacity(Self::MOST_BYTES)
             .weigher(|words: &Arc<str>, _| u32::try_from(words.len() + ENTRY_BYTES).unwrap_or(u32::MAX))
             .build();
         Self(words)
@@ -44,7 +47,7 @@ pub fn words<B>(request: &Request<B>) -> Option<PathAndQuery> {
     request.uri().path_and_query().filter(|_| request.method() == Method::GET).cloned()
 }
 
-/// The answer to a request whose words are known, where its bytes are still in memory and there is no crowd.
+/// The answer to a request whose words are known, where its bytes are still at hand and there is no crowd.
 pub async fn answer<B>(app: &App, request: &Request<B>) -> Option<Response> {
     if request.method() != Method::GET {
         return None;
@@ -64,7 +67,7 @@ pub async fn answer<B>(app: &App, request: &Request<B>) -> Option<Response> {
         app.metrics.response(StatusCode::NOT_MODIFIED.as_u16(), 0);
         response
     } else {
-        let bytes = app.cache.get_from_memory(&known.key).await?;
+        let bytes = app.cache.get_at_once(&known.key).await?;
         let length = bytes.len() as u64;
         let mut response = Response::new(Body::from(bytes));
         *response.headers_mut() = known.headers.clone();

@@ -11,7 +11,7 @@ use super::placement::Placement;
 use super::projector::Projector;
 use super::raster_height::field_extent;
 use super::wide::wide;
-use super::window::{Block, View, choose_image};
+use super::window::{Block, View, bands, choose_image};
 use super::{ColourField, Description, FieldExtent, SampleGrid, SourceError};
 use std::sync::{Arc, OnceLock};
 use treeline_core::grid::{LatticeWindow, Registration};
@@ -298,25 +298,38 @@ fn average(
     out: &mut [[u8; 4]],
 ) -> Result<(), SourceError> {
     let width = (finer.size().0 / n) as usize;
-    let mut sums = vec![[0_u32; 4]; out.len()];
-    view.visit(projector, finer.size(), &mut |block| {
-        if block.is_outside() {
-            return Ok(());
+    // Sums are four times what comes of them: those of a band of rows at a time, and of the line that it shares with
+    // the next.
+    let mut sums: Vec<[u32; 4]> = Vec::new();
+    let mut out = out.chunks_mut(width.max(1));
+    for (first_row, rows) in bands(finer.size().1) {
+        let first_line = first_row / n;
+        let end = first_row + rows;
+        sums.resize((end.div_ceil(n) - first_line) as usize * width, [0; 4]);
+        view.visit_band(projector, finer.size().0, (first_row, rows), &mut |block| {
+            if block.is_outside() {
+                return Ok(());
+            }
+            let window = view.fetch(block, read)?;
+            if window.iter().all(|pixel| pixel.is_nothing()) {
+                return Ok(());
+            }
+            wide!(add_block(
+                block: &Block<'_> = block,
+                window: &[[u8; 4]] = &window,
+                n: u32 = n,
+                first_line: u32 = first_line,
+                width: usize = width,
+                sums: &mut [[u32; 4]] = &mut sums,
+            ));
+            Ok(())
+        })?;
+        let complete = (end / n - first_line) as usize * width;
+        for (sums, line) in sums[..complete].chunks(width.max(1)).zip(&mut out) {
+            wide!(means(sums: &[[u32; 4]] = sums, count: u32 = n * n, out: &mut [[u8; 4]] = line));
         }
-        let window = view.fetch(block, read)?;
-        if window.iter().all(|pixel| pixel.is_nothing()) {
-            return Ok(());
-        }
-        wide!(add_block(
-            block: &Block<'_> = block,
-            window: &[[u8; 4]] = &window,
-            n: u32 = n,
-            width: usize = width,
-            sums: &mut [[u32; 4]] = &mut sums,
-        ));
-        Ok(())
-    })?;
-    wide!(means(sums: &[[u32; 4]] = &sums, count: u32 = n * n, out: &mut [[u8; 4]] = out));
+        sums.drain(..complete);
+    }
     Ok(())
 }
 
@@ -341,12 +354,19 @@ fn mean(sum: [u32; 4], count: u32) -> [u8; 4] {
     [colour(red), colour(green), colour(blue), coverage]
 }
 
-/// Adds the samples of a block to the sums of a grid of `width` columns.
+/// Adds the samples of a block to the sums of the lines of a grid of `width` columns, from `first_line` on.
 #[inline(always)]
-fn add_block(block: &Block<'_>, window: &[[u8; 4]], n: u32, width: usize, sums: &mut [[u32; 4]]) {
+fn add_block(
+    block: &Block<'_>,
+    window: &[[u8; 4]],
+    n: u32,
+    first_line: u32,
+    width: usize,
+    sums: &mut [[u32; 4]],
+) {
     let opaque = window.iter().all(|pixel| pixel[3] == 255);
     for row in 0..block.size.1 {
-        let line = ((block.origin.1 + row) / n) as usize;
+        let line = ((block.origin.1 + row) / n - first_line) as usize;
         let line = &mut sums[line * width..(line + 1) * width];
         if opaque {
             add_row(block, row, window, n, line, opaque_sample);

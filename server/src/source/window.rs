@@ -78,22 +78,33 @@ impl<'a> View<'a> {
         grid_size: (u32, u32),
         visit: &mut dyn FnMut(&Block<'_>) -> Result<(), SourceError>,
     ) -> Result<(), SourceError> {
-        let (columns, rows) = (even_parts(grid_size.0), even_parts(grid_size.1));
-        for &(y, height) in &rows {
-            for &(x, width) in &columns {
-                let mut pixels = projector.project(x, y, width, height);
-                self.to_own_pixels(&mut pixels);
-                let block = Block {
-                    origin: (x, y),
-                    size: (width, height),
-                    pixels: &pixels,
-                    stride: width as usize,
-                    offset: 0,
-                    window_origin: (0, 0),
-                    window_size: (0, 0),
-                };
-                self.visit_block(block, visit)?;
-            }
+        bands(grid_size.1).iter().try_for_each(|&band| self.visit_band(projector, grid_size.0, band, visit))
+    }
+
+    /// Calls `visit` with every block of a band of rows, from its first row and of its height; [`bands`] says which.
+    ///
+    /// # Errors
+    /// What `visit` says.
+    pub fn visit_band(
+        &self,
+        projector: &Projector<'_>,
+        grid_width: u32,
+        (y, height): (u32, u32),
+        visit: &mut dyn FnMut(&Block<'_>) -> Result<(), SourceError>,
+    ) -> Result<(), SourceError> {
+        for &(x, width) in &even_parts(grid_width) {
+            let mut pixels = projector.project(x, y, width, height);
+            self.to_own_pixels(&mut pixels);
+            let block = Block {
+                origin: (x, y),
+                size: (width, height),
+                pixels: &pixels,
+                stride: width as usize,
+                offset: 0,
+                window_origin: (0, 0),
+                window_size: (0, 0),
+            };
+            self.visit_block(block, visit)?;
         }
         Ok(())
     }
@@ -211,6 +222,11 @@ impl<'a> View<'a> {
         }
         Ok(out)
     }
+}
+
+/// The bands of rows, first row and height, in which a grid is visited, from the top.
+pub fn bands(rows: u32) -> Vec<(u32, u32)> {
+    even_parts(rows)
 }
 
 /// `count` samples in parts of at most [`BLOCK`], as equal as can be: (first, length).
